@@ -1,0 +1,135 @@
+//! Compiles every `*.comp` under `src/` to SPIR-V and writes the module `shaders`, one `Shader` each.
+//!
+//! `src/ploc/nearest.comp` becomes `shaders::PLOC_NEAREST`. The compiler's own dependency file tells
+//! cargo which includes a shader was made from, so touching one rebuilds what uses it and no more.
+
+use std::{
+    env, fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+const TARGET: &str = "vulkan1.2";
+
+fn main() {
+    let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets it"));
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets it"));
+    println!("cargo::rerun-if-changed=src");
+    println!("cargo::rerun-if-changed=shaders");
+    println!("cargo::rerun-if-env-changed=PATH");
+
+    let mut sources = Vec::new();
+    find(&root.join("src"), &mut sources);
+    sources.sort();
+
+    let compiler = Compiler::find();
+    let mut module = String::new();
+    let mut failed = false;
+    for source in &sources {
+        let name = source
+            .strip_prefix(root.join("src"))
+            .expect("found below it")
+            .with_extension("")
+            .to_string_lossy()
+            .replace('\\', "/");
+        let file = name.replace('/', "_");
+        let spirv = out.join(&file).with_extension("spv");
+        match compiler.compile(source, &root.join("shaders"), &spirv) {
+            Ok(dependencies) => {
+                for dependency in dependencies {
+                    println!("cargo::rerun-if-changed={dependency}");
+                }
+            }
+            Err(log) => {
+                failed = true;
+                for line in log.lines() {
+                    println!("cargo::error={line}");
+                }
+            }
+        }
+        module += &format!(
+            "/// Compiled from `src/{name}.comp`.\npub static {}: Shader = Shader {{ name: {name:?}, spirv: include_bytes!({:?}) }};\n",
+            file.to_uppercase(),
+            spirv
+        );
+    }
+    let all: Vec<String> = sources
+        .iter()
+        .map(|s| {
+            let name = s.strip_prefix(root.join("src")).expect("found below it");
+            let name = name.with_extension("").to_string_lossy().replace(['/', '\\'], "_");
+            format!("&{}", name.to_uppercase())
+        })
+        .collect();
+    module +=
+        &format!("/// Every shader of this build.\npub static ALL: &[&Shader] = &[{}];\n", all.join(", "));
+    fs::write(out.join("shaders.rs"), module).expect("OUT_DIR is writable");
+    if failed {
+        std::process::exit(1);
+    }
+}
+
+fn find(folder: &Path, sources: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("the source tree is readable").flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            find(&path, sources);
+        } else if path.extension().is_some_and(|e| e == "comp") {
+            sources.push(path);
+        }
+    }
+}
+
+/// The two compilers that distributions package; their SPIR-V differs little.
+enum Compiler {
+    Glslc,
+    Glslang,
+}
+
+impl Compiler {
+    fn find() -> Self {
+        let runs = |tool| Command::new(tool).arg("--version").output().is_ok_and(|o| o.status.success());
+        if runs("glslc") {
+            Self::Glslc
+        } else if runs("glslangValidator") {
+            Self::Glslang
+        } else {
+            println!(
+                "cargo::error=no GLSL compiler: neither glslc nor glslangValidator is on PATH; run scripts/setup, or install glslc, glslang-tools or the Vulkan SDK"
+            );
+            std::process::exit(1);
+        }
+    }
+
+    /// The files that the result depends on, or the compiler's messages.
+    fn compile(&self, source: &Path, include: &Path, spirv: &Path) -> Result<Vec<String>, String> {
+        let depfile = spirv.with_extension("d");
+        let mut command = match self {
+            Self::Glslc => {
+                let mut c = Command::new("glslc");
+                c.arg(format!("--target-env={TARGET}")).arg("-Werror").arg("-I").arg(include);
+                c.arg("-MD").arg("-MF").arg(&depfile).arg("-o").arg(spirv);
+                c
+            }
+            Self::Glslang => {
+                let mut c = Command::new("glslangValidator");
+                c.args(["-V", "--quiet", "--target-env", TARGET]);
+                c.arg(format!("-I{}", include.display()));
+                c.arg("--depfile").arg(&depfile).arg("-o").arg(spirv);
+                c
+            }
+        };
+        let output = command.arg(source).output().map_err(|e| e.to_string())?;
+        if !output.status.success() {
+            return Err(format!(
+                "{}{}",
+                String::from_utf8_lossy(&output.stdout),
+                String::from_utf8_lossy(&output.stderr)
+            ));
+        }
+        let rules = fs::read_to_string(&depfile).map_err(|e| format!("{}: {e}", depfile.display()))?;
+        // "target: source include include", continued by backslashes.
+        let (_, files) = rules.split_once(':').unwrap_or(("", ""));
+        Ok(files.replace("\\\n", " ").split_whitespace().map(String::from).collect())
+    }
+}

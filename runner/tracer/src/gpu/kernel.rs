@@ -1,0 +1,130 @@
+use super::{Error, Gpu, Shader, error::Context};
+use ash::vk;
+use std::fmt;
+
+/// A compute pipeline: one shader with its specialization constants filled in.
+///
+/// Specialization constant 0 is the workgroup size in every shader.
+pub struct Kernel {
+    gpu: Gpu,
+    name: &'static str,
+    workgroup_size: u32,
+    pub(super) pipeline: vk::Pipeline,
+}
+
+/// One figure that the driver's compiler tells of a kernel, such as its register count.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Statistic {
+    /// The driver's own name for it.
+    pub name: String,
+    /// Its value; booleans are 0 and 1.
+    pub value: f64,
+}
+
+impl fmt::Debug for Kernel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Kernel({}, {} invocations)", self.name, self.workgroup_size)
+    }
+}
+
+impl Kernel {
+    /// Compiles `shader` with `workgroup_size` as constant 0 and `constants` as 1, 2, ….
+    ///
+    /// # Errors
+    /// The device cannot run workgroups of that size, or its compiler failed.
+    pub fn new(gpu: &Gpu, shader: &Shader, workgroup_size: u32, constants: &[u32]) -> Result<Self, Error> {
+        let info = gpu.info();
+        if workgroup_size == 0
+            || workgroup_size > info.max_workgroup_size
+            || !workgroup_size.is_multiple_of(info.subgroup_size)
+        {
+            return Err(Error::WorkgroupSize {
+                kernel: shader.name,
+                size: workgroup_size,
+                subgroup: info.subgroup_size,
+                limit: info.max_workgroup_size,
+            });
+        }
+        let device = &gpu.inner.device;
+        let words = ash::util::read_spv(&mut std::io::Cursor::new(shader.spirv))
+            .expect("the build made valid SPIR-V");
+        // SAFETY: the words are a SPIR-V module that the compiler accepted.
+        let module =
+            unsafe { device.create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&words), None) }
+                .context(shader.name)?;
+
+        let values: Vec<u32> = std::iter::once(workgroup_size).chain(constants.iter().copied()).collect();
+        let entries: Vec<_> = (0..values.len() as u32)
+            .map(|i| vk::SpecializationMapEntry::default().constant_id(i).offset(4 * i).size(4))
+            .collect();
+        let special =
+            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&values));
+        let mut required = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
+            .required_subgroup_size(info.subgroup_size);
+        let mut stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(c"main")
+            .specialization_info(&special);
+        if gpu.inner.full_subgroups {
+            stage = stage
+                .flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS)
+                .push_next(&mut required);
+        }
+        let mut create = vk::ComputePipelineCreateInfo::default().stage(stage).layout(gpu.inner.layout);
+        if gpu.inner.executable.is_some() {
+            create = create.flags(vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR);
+        }
+        // SAFETY: module and layout belong to this device; all pointers live until the call returns,
+        // after which the module is no longer needed.
+        let made = unsafe {
+            let made = device.create_compute_pipelines(vk::PipelineCache::null(), &[create], None);
+            device.destroy_shader_module(module, None);
+            made
+        };
+        let pipeline = made.map_err(|(_, result)| result).context(shader.name)?[0];
+        Ok(Self { gpu: gpu.clone(), name: shader.name, workgroup_size, pipeline })
+    }
+
+    /// Invocations a workgroup.
+    pub fn workgroup_size(&self) -> u32 {
+        self.workgroup_size
+    }
+
+    /// The shader's name.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Registers, shared and local memory as the driver reports them; empty where it does not
+    /// (`VK_KHR_pipeline_executable_properties`).
+    pub fn statistics(&self) -> Vec<Statistic> {
+        let Some(executable) = &self.gpu.inner.executable else { return Vec::new() };
+        let info = vk::PipelineExecutableInfoKHR::default().pipeline(self.pipeline);
+        // SAFETY: the pipeline was made with CAPTURE_STATISTICS, and a compute pipeline has executable 0.
+        let all = unsafe { executable.get_pipeline_executable_statistics(&info) }.unwrap_or_default();
+        all.iter()
+            .map(|s| {
+                // SAFETY: `format` says which member of the union is set.
+                let value = unsafe {
+                    match s.format {
+                        vk::PipelineExecutableStatisticFormatKHR::BOOL32 => f64::from(s.value.b32),
+                        vk::PipelineExecutableStatisticFormatKHR::INT64 => s.value.i64 as f64,
+                        vk::PipelineExecutableStatisticFormatKHR::UINT64 => s.value.u64 as f64,
+                        _ => s.value.f64,
+                    }
+                };
+                let name =
+                    s.name_as_c_str().map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned());
+                Statistic { name, value }
+            })
+            .collect()
+    }
+}
+
+impl Drop for Kernel {
+    fn drop(&mut self) {
+        // SAFETY: every submission is waited for before `submit` returns, so nothing runs the pipeline.
+        unsafe { self.gpu.inner.device.destroy_pipeline(self.pipeline, None) };
+    }
+}
