@@ -2,4 +2,29 @@
 //! measures both. It knows nothing of sweeps or of the record's JSON.
 
 pub mod gpu;
+pub mod path;
 pub mod scene;
+pub mod traverse;
+
+/// What can go wrong between a scene and its hits.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The device or its driver.
+    #[error(transparent)]
+    Gpu(#[from] gpu::Error),
+    /// The driver ended a traversal loop before its rays were done.
+    #[error(
+        "{unfinished} of {rays} rays at depth {depth} were not finished: the driver of {device} ends long \
+         loops silently; use Mesa 25 or newer (Debian's backports have it), or a smaller picture"
+    )]
+    LoopLimit {
+        /// Depth of the wavefront.
+        depth: usize,
+        /// Rays without a result.
+        unfinished: u32,
+        /// Rays in the wavefront.
+        rays: u32,
+        /// The device's name.
+        device: String,
+    },
+}

@@ -1,0 +1,45 @@
+// The scene as the shading stages read it.
+#ifndef SCENE_GLSL
+#define SCENE_GLSL
+
+#include "ray.glsl"
+
+// Nine floats a triangle, in file order.
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Positions {
+    vec3 items[];
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer MaterialIds {
+    uint items[];
+};
+struct Material {
+    vec3 albedo;
+    vec3 emission;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Materials {
+    Material items[];
+};
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Scene {
+    Positions positions;
+    MaterialIds material_ids;
+    Materials materials;
+    vec3 zenith;
+    vec3 horizon;
+    vec3 ground;
+    float extent;  // the largest absolute coordinate
+};
+
+// A path on its way: where its light goes, and how much of it arrives. 16 bytes.
+struct Path {
+    uint pixel;
+    vec3 throughput;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Paths {
+    Path items[];
+};
+
+// Sums of radiance, one a pixel, row by row from the top.
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Image {
+    vec4 items[];
+};
+
+#endif

@@ -1,0 +1,38 @@
+// Conservative slab test of a ray against axis-aligned boxes.
+#ifndef SLAB_GLSL
+#define SLAB_GLSL
+
+// A plane at p is crossed at t = (p - origin) / direction = p * inverse - origin * inverse, one fused
+// multiply-add a plane. Rounding of that, of the inverse and of the product is worth at most 8 units in
+// the last place of the largest coordinate involved, so every box is taken to be wider by that much on
+// each side: the origin is moved up for lower planes and down for upper ones. A box that contains a
+// triangle is then never missed by a ray that the triangle test counts as hitting it.
+struct Slab {
+    vec3 inverse;  // 1 / direction, components near zero replaced by a small number of the same sign
+    vec3 lower;    // -(origin + pad) * inverse
+    vec3 upper;    // -(origin - pad) * inverse
+};
+
+// `extent` is the largest absolute coordinate of the scene.
+Slab slab_of(vec3 origin, vec3 direction, float extent) {
+    const float tiny = 1e-18;
+    vec3 sign_ = vec3(
+        direction.x < 0.0 ? -1.0 : 1.0, direction.y < 0.0 ? -1.0 : 1.0, direction.z < 0.0 ? -1.0 : 1.0);
+    vec3 inverse = sign_ / max(abs(direction), vec3(tiny));
+    vec3 pad = max(abs(origin), vec3(extent)) * 4.76837158203125e-7;  // 2^-21
+    return Slab(inverse, -(origin + pad) * inverse, -(origin - pad) * inverse);
+}
+
+// Entry distance of the ray into the box, or infinity when it misses the box between t_min and t_max.
+// A box at infinity is always missed, because t_max is finite.
+float enter(Slab slab, vec3 lo, vec3 hi, float t_min, float t_max) {
+    vec3 a = fma(lo, slab.inverse, slab.lower);
+    vec3 b = fma(hi, slab.inverse, slab.upper);
+    vec3 near = min(a, b);
+    vec3 far = max(a, b);
+    float enters = max(max(near.x, near.y), max(near.z, t_min));
+    float leaves = min(min(far.x, far.y), min(far.z, t_max));
+    return enters <= leaves ? enters : INFINITY;
+}
+
+#endif

@@ -1,0 +1,459 @@
+//! Path tracing in wavefronts (Laine, Karras, Aila 2013; thesis 4.1, figure 10): generate primary rays,
+//! then trace and shade, again and again, each stage a kernel of its own over a compact queue of rays.
+
+use crate::{
+    Error,
+    gpu::{Buffer, Gpu, Kernel, Pass, groups, shaders},
+    scene::{Scene, View},
+    traverse::{Buffers, Counts, Hit, Queue, Ray, Traversal, Tree, Wave},
+};
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+/// Subgroups a workgroup of the stages that are not measured.
+const STAGE_SUBGROUPS: u32 = 8;
+
+/// What a path is.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Params {
+    /// Rays a path has at most, the primary one included (thesis 6.4: 8).
+    pub depth: u32,
+    /// Varies every random number.
+    pub seed: u32,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self { depth: 8, seed: 0 }
+    }
+}
+
+/// A scene's triangles and materials in device memory.
+#[derive(Debug)]
+pub struct DeviceScene {
+    /// Nine floats a triangle in file order: what builders read.
+    pub positions: Buffer,
+    /// Triangles.
+    pub triangles: usize,
+    /// Largest absolute coordinate.
+    pub extent: f32,
+    info: Buffer,
+    _material_ids: Buffer,
+    _materials: Buffer,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct SceneInfo {
+    positions: u64,
+    material_ids: u64,
+    materials: u64,
+    zenith: [f32; 3],
+    horizon: [f32; 3],
+    ground: [f32; 3],
+    extent: f32,
+}
+
+impl DeviceScene {
+    /// Copies a scene to the device.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn upload(gpu: &Gpu, scene: &Scene) -> Result<Self, Error> {
+        let materials: Vec<[[f32; 3]; 2]> = scene.materials.iter().map(|m| [m.albedo, m.emission]).collect();
+        let positions = gpu.upload("the scene's triangles", &scene.positions)?;
+        let material_ids = gpu.upload("material indices", &scene.material_ids)?;
+        let materials = gpu.upload("materials", &materials)?;
+        let extent = scene.positions.as_flattened().as_flattened().iter().fold(0f32, |m, x| m.max(x.abs()));
+        let info = SceneInfo {
+            positions: positions.address(),
+            material_ids: material_ids.address(),
+            materials: materials.address(),
+            zenith: scene.sky.zenith,
+            horizon: scene.sky.horizon,
+            ground: scene.sky.ground,
+            extent,
+        };
+        let info = gpu.upload("scene description", &[info])?;
+        let triangles = scene.positions.len();
+        Ok(Self { positions, triangles, extent, info, _material_ids: material_ids, _materials: materials })
+    }
+}
+
+/// A pinhole camera for pictures of one shape.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    eye: Vec3,
+    right: Vec3,
+    up: Vec3,
+    forward: Vec3,
+}
+
+impl Camera {
+    /// The camera of a view for pictures of `width` × `height`.
+    pub fn new(view: &View, width: u32, height: u32) -> Self {
+        let eye = Vec3::from_array(view.eye);
+        let forward = (Vec3::from_array(view.target) - eye).normalize_or(Vec3::NEG_Z);
+        // Looking straight up or down leaves `up` without meaning; any sideways direction will do.
+        let right = forward.cross(Vec3::from_array(view.up)).try_normalize();
+        let right = right.unwrap_or_else(|| forward.any_orthonormal_vector());
+        let tangent = (0.5 * view.vfov_degrees).to_radians().tan();
+        let aspect = width as f32 / height as f32;
+        Self { eye, right: right * tangent * aspect, up: right.cross(forward) * tangent, forward }
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct GenerateArguments {
+    rays: u64,
+    paths: u64,
+    queue: u64,
+    order: u64,
+    eye: [f32; 3],
+    right: [f32; 3],
+    up: [f32; 3],
+    forward: [f32; 3],
+    width: u32,
+    height: u32,
+    sample: u32,
+    seed: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ShadeArguments {
+    rays: u64,
+    hits: u64,
+    paths: u64,
+    queue: u64,
+    next_rays: u64,
+    next_paths: u64,
+    next_queue: u64,
+    scene: u64,
+    image: u64,
+    sample: u32,
+    depth: u32,
+    seed: u32,
+    last: u32,
+}
+
+/// `Path` in `scene.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct PathState {
+    pixel: u32,
+    throughput: [f32; 3],
+}
+
+/// One wavefront as it was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WaveTime {
+    /// Rays traced.
+    pub rays: u64,
+    /// Of the traversal kernel alone.
+    pub milliseconds: f64,
+}
+
+/// One path a pixel, measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// By depth, primary rays first; wavefronts without rays are left out.
+    pub waves: Vec<WaveTime>,
+    /// All kernels of the sample from first to last, shading included.
+    pub milliseconds: f64,
+}
+
+/// Everything about one wavefront, read back from the device.
+#[derive(Clone, Debug)]
+pub struct Wavefront {
+    /// Depth of the rays, 0 for primary.
+    pub depth: usize,
+    /// In the order in which they were traced.
+    pub rays: Vec<Ray>,
+    /// One a ray.
+    pub hits: Vec<Hit>,
+    /// One a ray.
+    pub pixels: Vec<u32>,
+    /// One a ray where the traversal counts, else empty.
+    pub counts: Vec<Counts>,
+}
+
+/// The buffers and kernels that trace paths through one scene at one picture size.
+#[derive(Debug)]
+pub struct PathTracer<'s> {
+    gpu: Gpu,
+    scene: &'s DeviceScene,
+    width: u32,
+    height: u32,
+    params: Params,
+    generate: Kernel,
+    shade: Kernel,
+    /// Place of each pixel along the Z-order curve, by pixel.
+    places: Vec<u32>,
+    order: Buffer,
+    rays: [Buffer; 2],
+    paths: [Buffer; 2],
+    hits: Buffer,
+    counts: Option<Buffer>,
+    queues: Buffer,
+    image: Buffer,
+}
+
+/// Pixels along the Z-order curve, row-major indices.
+fn z_order(width: u32, height: u32) -> Vec<u32> {
+    let spread = |v: u32| (0..16).fold(0u64, |code, bit| code | (u64::from(v >> bit & 1) << (2 * bit)));
+    let (xs, ys): (Vec<_>, Vec<_>) = ((0..width).map(spread).collect(), (0..height).map(spread).collect());
+    let mut order: Vec<u32> = (0..width * height).collect();
+    order.sort_unstable_by_key(|p| xs[(p % width) as usize] | (ys[(p / width) as usize] << 1));
+    order
+}
+
+impl<'s> PathTracer<'s> {
+    /// Allocates for pictures of `width` × `height`. `counting` adds room for [`Counts`].
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn new(
+        gpu: &Gpu,
+        scene: &'s DeviceScene,
+        (width, height): (u32, u32),
+        params: &Params,
+        counting: bool,
+    ) -> Result<Self, Error> {
+        let size = STAGE_SUBGROUPS * gpu.info().subgroup_size;
+        let pixels = u64::from(width) * u64::from(height);
+        let order = z_order(width, height);
+        let mut places = vec![0; order.len()];
+        for (place, &pixel) in order.iter().enumerate() {
+            places[pixel as usize] = place as u32;
+        }
+        let rays = || gpu.buffer("rays", pixels * size_of::<Ray>() as u64);
+        let paths = || gpu.buffer("paths", pixels * size_of::<PathState>() as u64);
+        let counts = || gpu.buffer("ray counters", pixels * size_of::<Counts>() as u64);
+        Ok(Self {
+            generate: Kernel::new(gpu, &shaders::PATH_GENERATE, size, &[])?,
+            shade: Kernel::new(gpu, &shaders::PATH_SHADE, size, &[])?,
+            order: gpu.upload("pixel order", &order)?,
+            places,
+            rays: [rays()?, rays()?],
+            paths: [paths()?, paths()?],
+            hits: gpu.buffer("hits", pixels * size_of::<Hit>() as u64)?,
+            counts: if counting { Some(counts()?) } else { None },
+            queues: gpu.buffer("queues", u64::from(params.depth + 1) * size_of::<Queue>() as u64)?,
+            image: gpu.buffer("the picture", pixels * 16)?,
+            gpu: gpu.clone(),
+            scene,
+            width,
+            height,
+            params: params.clone(),
+        })
+    }
+
+    fn pixels(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
+    fn queue(&self, depth: usize) -> u64 {
+        self.queues.address() + (depth * size_of::<Queue>()) as u64
+    }
+
+    fn record_generate(&self, pass: &mut Pass, camera: &Camera, sample: u32) {
+        pass.fill(&self.queues, 0);
+        let arguments = GenerateArguments {
+            rays: self.rays[0].address(),
+            paths: self.paths[0].address(),
+            queue: self.queue(0),
+            order: self.order.address(),
+            eye: camera.eye.to_array(),
+            right: camera.right.to_array(),
+            up: camera.up.to_array(),
+            forward: camera.forward.to_array(),
+            width: self.width,
+            height: self.height,
+            sample,
+            seed: self.params.seed,
+        };
+        let count = groups(self.pixels(), self.generate.workgroup_size());
+        pass.dispatch("generate", &self.generate, &arguments, count);
+    }
+
+    fn record_trace(&self, pass: &mut Pass, traversal: &Traversal, tree: &Tree, depth: usize) {
+        let buffers = Buffers {
+            rays: self.rays[depth % 2].address(),
+            hits: self.hits.address(),
+            queue: self.queue(depth),
+            counts: self.counts.as_ref().map_or(0, Buffer::address),
+        };
+        traversal.record(pass, &format!("trace {depth}"), Wave::at(depth), tree, &buffers, self.pixels());
+    }
+
+    fn record_shade(&self, pass: &mut Pass, sample: u32, depth: usize) {
+        let (now, next) = (depth % 2, (depth + 1) % 2);
+        let arguments = ShadeArguments {
+            rays: self.rays[now].address(),
+            hits: self.hits.address(),
+            paths: self.paths[now].address(),
+            queue: self.queue(depth),
+            next_rays: self.rays[next].address(),
+            next_paths: self.paths[next].address(),
+            next_queue: self.queue(depth + 1),
+            scene: self.scene.info.address(),
+            image: self.image.address(),
+            sample,
+            depth: depth as u32,
+            seed: self.params.seed,
+            last: u32::from(depth + 1 == self.params.depth as usize),
+        };
+        let count = groups(self.pixels(), self.shade.workgroup_size());
+        pass.dispatch(&format!("shade {depth}"), &self.shade, &arguments, count);
+    }
+
+    /// Counts of each depth's queue, once all its rays are known to have been finished.
+    fn rays_by_depth(&self, depths: usize) -> Result<Vec<u64>, Error> {
+        let queues: Vec<Queue> = self.queues.read(0, depths)?;
+        for (depth, queue) in queues.iter().enumerate() {
+            if queue.finished != queue.count {
+                return Err(Error::LoopLimit {
+                    depth,
+                    unfinished: queue.count - queue.finished.min(queue.count),
+                    rays: queue.count,
+                    device: self.gpu.info().name.clone(),
+                });
+            }
+        }
+        Ok(queues.iter().map(|q| u64::from(q.count)).collect())
+    }
+
+    /// Traces one path a pixel in one submission, adds its light to the picture, and says how long each
+    /// traversal took.
+    ///
+    /// # Errors
+    /// The device was lost, or its driver ended a loop.
+    pub fn sample(
+        &self,
+        traversal: &Traversal,
+        tree: &Tree,
+        camera: &Camera,
+        sample: u32,
+    ) -> Result<Sample, Error> {
+        let depths = self.params.depth as usize;
+        let mut pass = Pass::new(&self.gpu)?;
+        pass.scope("sample", |pass| {
+            self.record_generate(pass, camera, sample);
+            for depth in 0..depths {
+                self.record_trace(pass, traversal, tree, depth);
+                self.record_shade(pass, sample, depth);
+            }
+        });
+        let timings = pass.submit()?;
+        let rays = self.rays_by_depth(depths)?;
+        let waves = rays.iter().enumerate().filter(|(_, rays)| **rays > 0).map(|(depth, &rays)| WaveTime {
+            rays,
+            milliseconds: timings.milliseconds(&format!("sample/trace {depth}")),
+        });
+        Ok(Sample { waves: waves.collect(), milliseconds: timings.milliseconds("sample") })
+    }
+
+    /// Traces one path a pixel, a submission a depth, and hands each wavefront to `look` with all that is
+    /// known of it, until `look` returns false.
+    ///
+    /// Its rays are put in the order of their pixels along the Z-order curve, because the order in which
+    /// kernels append them differs from run to run.
+    ///
+    /// # Errors
+    /// The device was lost, or its driver ended a loop.
+    pub fn wavefronts(
+        &self,
+        traversal: &Traversal,
+        tree: &Tree,
+        camera: &Camera,
+        sample: u32,
+        mut look: impl FnMut(Wavefront) -> bool,
+    ) -> Result<(), Error> {
+        for depth in 0..self.params.depth as usize {
+            let mut pass = Pass::new(&self.gpu)?;
+            if depth == 0 {
+                self.record_generate(&mut pass, camera, sample);
+            }
+            self.record_trace(&mut pass, traversal, tree, depth);
+            pass.submit()?;
+            let count = *self.rays_by_depth(depth + 1)?.last().expect("depth + 1 is not 0") as usize;
+            let now = depth % 2;
+            let paths: Vec<PathState> = self.paths[now].read(0, count)?;
+            let mut sorted: Vec<usize> = (0..count).collect();
+            sorted.sort_unstable_by_key(|&i| self.places[paths[i].pixel as usize]);
+            let rays: Vec<Ray> = self.rays[now].read(0, count)?;
+            let hits: Vec<Hit> = self.hits.read(0, count)?;
+            let counts: Vec<Counts> = match &self.counts {
+                Some(counts) => counts.read(0, count)?,
+                None => Vec::new(),
+            };
+            let go_on = look(Wavefront {
+                depth,
+                rays: sorted.iter().map(|&i| rays[i]).collect(),
+                hits: sorted.iter().map(|&i| hits[i]).collect(),
+                pixels: sorted.iter().map(|&i| paths[i].pixel).collect(),
+                counts: if counts.is_empty() { counts } else { sorted.iter().map(|&i| counts[i]).collect() },
+            });
+            if count == 0 || !go_on {
+                break;
+            }
+            let mut pass = Pass::new(&self.gpu)?;
+            self.record_shade(&mut pass, sample, depth);
+            pass.submit()?;
+        }
+        Ok(())
+    }
+
+    /// Sets the picture to black.
+    ///
+    /// # Errors
+    /// The device was lost.
+    pub fn clear(&self) -> Result<(), Error> {
+        let mut pass = Pass::new(&self.gpu)?;
+        pass.fill(&self.image, 0);
+        pass.submit()?;
+        Ok(())
+    }
+
+    /// Sums of radiance since [`PathTracer::clear`], linear RGB and nothing, row by row from the top.
+    ///
+    /// # Errors
+    /// The device was lost.
+    pub fn picture(&self) -> Result<Vec<[f32; 4]>, Error> {
+        Ok(self.image.read(0, self.pixels())?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_z_order_visits_every_pixel_once_and_quads_together() {
+        let order = z_order(5, 3);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        assert_eq!(sorted, (0..15).collect::<Vec<_>>());
+        assert_eq!(order[..4], [0, 1, 5, 6]);
+    }
+
+    #[test]
+    fn a_camera_looks_from_its_eye_to_its_target() {
+        let view = View {
+            name: String::new(),
+            eye: [1.0, 2.0, 3.0],
+            target: [1.0, 2.0, -7.0],
+            up: [0.0, 1.0, 0.0],
+            vfov_degrees: 90.0,
+        };
+        let camera = Camera::new(&view, 200, 100);
+        assert!((camera.forward - Vec3::NEG_Z).length() < 1e-6);
+        assert!((camera.right - Vec3::X * 2.0).length() < 1e-6);
+        assert!((camera.up - Vec3::Y).length() < 1e-6);
+        let down = Camera::new(&View { target: [1.0, -5.0, 3.0], ..view }, 200, 100);
+        assert!(down.right.is_finite() && down.up.length() > 0.9);
+    }
+}

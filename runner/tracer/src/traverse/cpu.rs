@@ -1,0 +1,62 @@
+//! The traversal kernel's twin: the same tests, one ray at a time, and the brute force that both are held
+//! against.
+
+use super::{Hit, Ray};
+
+/// The watertight test of `triangle.glsl`: the distance, or `None`.
+///
+/// `t_max` may be the best distance so far.
+pub fn intersect(ray: &Ray, t_max: f32, [v0, v1, v2]: &[[f32; 3]; 3]) -> Option<f32> {
+    let d = ray.direction;
+    let magnitude = d.map(f32::abs);
+    let axis = if magnitude[0] > magnitude[1] {
+        if magnitude[0] > magnitude[2] { 0 } else { 2 }
+    } else if magnitude[1] > magnitude[2] {
+        1
+    } else {
+        2
+    };
+    let permute = |v: [f32; 3]| [v[(axis + 1) % 3], v[(axis + 2) % 3], v[axis]];
+    let d = permute(d);
+    let shear = [d[0] / d[2], d[1] / d[2], 1.0 / d[2]];
+    let project = |v: &[f32; 3]| {
+        let p = permute([v[0] - ray.origin[0], v[1] - ray.origin[1], v[2] - ray.origin[2]]);
+        [p[0] - shear[0] * p[2], p[1] - shear[1] * p[2], p[2]]
+    };
+    let (a, b, c) = (project(v0), project(v1), project(v2));
+    let e = [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]];
+    let (least, greatest) = (e[0].min(e[1]).min(e[2]), e[0].max(e[1]).max(e[2]));
+    if least < 0.0 && greatest > 0.0 {
+        return None;
+    }
+    let t = (e[0] * a[2] + e[1] * b[2] + e[2] * c[2]) * shear[2] / (e[0] + e[1] + e[2]);
+    (t > ray.t_min && t < t_max).then_some(t)
+}
+
+/// Tests every triangle.
+pub fn brute_force(triangles: &[[[f32; 3]; 3]], ray: &Ray) -> Hit {
+    let mut best = Hit { t: ray.t_max, triangle: Hit::MISS };
+    for (index, triangle) in triangles.iter().enumerate() {
+        if let Some(t) = intersect(ray, best.t, triangle) {
+            best = Hit { t, triangle: index as u32 };
+        }
+    }
+    if best.triangle == Hit::MISS { Hit::NONE } else { best }
+}
+
+/// The distance to the plane of the triangle that was hit, evaluated in double precision: what a hit file
+/// holds, so that its distances are limited by the file's format and not by single-precision arithmetic
+/// far from a corner. Which triangle is hit stays the traversal's decision.
+pub fn refine(ray: &Ray, triangle: &[[f32; 3]; 3], t: f32) -> f32 {
+    let [v0, v1, v2] = triangle.map(|v| glam::DVec3::from_array(v.map(f64::from)));
+    let origin = glam::DVec3::from_array(ray.origin.map(f64::from));
+    let direction = glam::DVec3::from_array(ray.direction.map(f64::from));
+    let normal = (v1 - v0).cross(v2 - v0);
+    let exact = normal.dot(v0 - origin) / normal.dot(direction);
+    // A ray in the triangle's plane has no crossing to refine.
+    if exact.is_finite() && (exact - f64::from(t)).abs() <= 1e-3 * exact.abs().max(f64::from(t)) {
+        exact as f32
+    } else {
+        t
+    }
+}

@@ -1,0 +1,242 @@
+//! Closest hits of many rays: one kernel a layout, launched over a queue of rays.
+
+pub mod cpu;
+
+use crate::{
+    Error,
+    gpu::{Gpu, Kernel, Pass, shaders},
+};
+use bytemuck::{Pod, Zeroable};
+
+/// A ray as kernels and ray files hold it: points `origin + t * direction` with `t_min < t < t_max`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Ray {
+    /// In the scene's units.
+    pub origin: [f32; 3],
+    /// Nothing nearer is hit.
+    pub t_min: f32,
+    /// Need not be normalized; `t` is in its lengths.
+    pub direction: [f32; 3],
+    /// Nothing farther is hit; may be infinite.
+    pub t_max: f32,
+}
+
+/// The nearest triangle a ray meets.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Hit {
+    /// Distance in lengths of the ray's direction; infinite for a miss.
+    pub t: f32,
+    /// Index in the scene's file order, or [`Hit::MISS`].
+    pub triangle: u32,
+}
+
+impl Hit {
+    /// In place of a triangle where nothing was hit.
+    pub const MISS: u32 = u32::MAX;
+    /// Nothing was hit.
+    pub const NONE: Self = Self { t: f32::INFINITY, triangle: Self::MISS };
+}
+
+/// One wavefront's queue as kernels see it (`ray.glsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Queue {
+    /// The first ray that no invocation has fetched.
+    pub next: u32,
+    /// Rays in the wavefront.
+    pub count: u32,
+    /// Rays whose hit has been written.
+    pub finished: u32,
+    /// Nothing.
+    pub unused: u32,
+}
+
+/// What one ray cost.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Counts {
+    /// Inner nodes visited.
+    pub nodes: u32,
+    /// Boxes tested.
+    pub boxes: u32,
+    /// Triangles tested.
+    pub triangles: u32,
+    /// Nothing.
+    pub unused: u32,
+}
+
+const _: () = assert!(size_of::<Ray>() == 32 && std::mem::offset_of!(Ray, direction) == 16);
+const _: () = assert!(size_of::<Hit>() == 8 && size_of::<Queue>() == 16 && size_of::<Counts>() == 16);
+
+/// How traversal is launched and scheduled.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Params {
+    /// Subgroups a workgroup for primary rays; times the subgroup size it is the workgroup size (thesis
+    /// 6.2.1).
+    pub primary_subgroups: u32,
+    /// Subgroups a workgroup for secondary rays.
+    pub secondary_subgroups: u32,
+    /// Idle lanes fetch new rays when fewer than this share of a subgroup has one: the thesis's 20 of 32.
+    /// More keeps lanes busier and costs more visits to the queue.
+    pub fetch_below: f32,
+    /// Entries of the traversal stack; made larger where a tree is deeper than that.
+    pub stack: u32,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self { primary_subgroups: 20, secondary_subgroups: 32, fetch_below: 0.625, stack: 64 }
+    }
+}
+
+/// Which of the two launches a wavefront takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wave {
+    /// Rays from the camera.
+    Primary,
+    /// Rays that continue a path.
+    Secondary,
+}
+
+impl Wave {
+    /// The kind of wavefront at a path's depth.
+    pub fn at(depth: usize) -> Self {
+        if depth == 0 { Self::Primary } else { Self::Secondary }
+    }
+}
+
+/// Where a tree in its traversal layout lies on the device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tree {
+    /// Address of the nodes; node 0 is the root.
+    pub nodes: u64,
+    /// Address of the triangles in leaf order, 48 bytes each.
+    pub triangles: u64,
+    /// Inner nodes on the longest way from the root to a leaf.
+    pub depth: u32,
+    /// Largest absolute coordinate of the scene.
+    pub extent: f32,
+}
+
+/// The buffers of one launch, by address.
+#[derive(Clone, Copy, Debug)]
+pub struct Buffers {
+    /// [`Ray`]s.
+    pub rays: u64,
+    /// [`Hit`]s, as many.
+    pub hits: u64,
+    /// One [`Queue`].
+    pub queue: u64,
+    /// [`Counts`], as many as rays; not touched unless the kernels count.
+    pub counts: u64,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Arguments {
+    rays: u64,
+    hits: u64,
+    nodes: u64,
+    triangles: u64,
+    queue: u64,
+    counts: u64,
+    extent: f32,
+    unused: u32,
+}
+
+/// Loop iterations that a subgroup may take where the driver ends loops silently after 65,535.
+const QUOTA: u32 = 60_000;
+/// Launches over the same queue on such a driver; those that find it empty cost nothing.
+const RELAUNCHES: u32 = 3;
+
+/// The traversal kernels for one layout, compiled for one tree depth.
+#[derive(Debug)]
+pub struct Traversal {
+    primary: Kernel,
+    secondary: Kernel,
+    gpu: Gpu,
+    stack: u32,
+    launches: u32,
+}
+
+impl Traversal {
+    /// Compiles the kernels. `counting` makes the permutation that fills [`Counts`] and is slower.
+    ///
+    /// # Errors
+    /// A workgroup size the device cannot run.
+    pub fn new(gpu: &Gpu, params: &Params, tree_depth: u32, counting: bool) -> Result<Self, Error> {
+        let lanes = gpu.info().subgroup_size;
+        // Each level leaves at most one entry behind, and one marks the end.
+        let stack = params.stack.max((tree_depth + 1).next_multiple_of(32));
+        let fetch_below = ((params.fetch_below * lanes as f32).round() as u32).clamp(1, lanes);
+        let (quota, launches) = if gpu.info().ends_long_loops() { (QUOTA, RELAUNCHES) } else { (0, 1) };
+        let constants = [stack, fetch_below, quota, u32::from(counting)];
+        let kernel =
+            |subgroups: u32| Kernel::new(gpu, &shaders::TRAVERSE_BINARY, subgroups * lanes, &constants);
+        Ok(Self {
+            primary: kernel(params.primary_subgroups)?,
+            secondary: kernel(params.secondary_subgroups)?,
+            gpu: gpu.clone(),
+            stack,
+            launches,
+        })
+    }
+
+    /// Entries of the traversal stack the kernels were compiled with.
+    pub fn stack(&self) -> u32 {
+        self.stack
+    }
+
+    /// The kernel that traces a kind of wavefront.
+    pub fn kernel(&self, wave: Wave) -> &Kernel {
+        match wave {
+            Wave::Primary => &self.primary,
+            Wave::Secondary => &self.secondary,
+        }
+    }
+
+    /// Records the traversal of a queue as one span called `name`. At most `rays` rays are queued.
+    pub fn record(
+        &self,
+        pass: &mut Pass,
+        name: &str,
+        wave: Wave,
+        tree: &Tree,
+        buffers: &Buffers,
+        rays: usize,
+    ) {
+        let kernel = self.kernel(wave);
+        let size = kernel.workgroup_size();
+        let info = self.gpu.info();
+        // Persistent threads: as many subgroups as the device can hold at once. Where a subgroup has a
+        // quota of iterations there must be enough of them to serve all rays.
+        let resident = match (info.multiprocessors, self.launches) {
+            (_, 2..) => rays.div_ceil(8 * size as usize) as u32,
+            (0, _) => (256 * 64 * info.subgroup_size).div_ceil(size),
+            (n, _) => (n * info.subgroups_per_multiprocessor * info.subgroup_size).div_ceil(size),
+        };
+        let groups = resident.min(rays.div_ceil(size as usize) as u32).max(1);
+        let arguments = Arguments {
+            rays: buffers.rays,
+            hits: buffers.hits,
+            nodes: tree.nodes,
+            triangles: tree.triangles,
+            queue: buffers.queue,
+            counts: buffers.counts,
+            extent: tree.extent,
+            unused: 0,
+        };
+        if self.launches == 1 {
+            pass.dispatch(name, kernel, &arguments, groups);
+        } else {
+            pass.scope(name, |pass| {
+                for _ in 0..self.launches {
+                    pass.dispatch("launch", kernel, &arguments, groups);
+                }
+            });
+        }
+    }
+}
