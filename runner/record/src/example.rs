@@ -1,0 +1,230 @@
+use crate::*;
+use std::time::{Duration, UNIX_EPOCH};
+
+/// A small, sound record with something in every field: for tests and documentation.
+pub fn example() -> Record {
+    let at =
+        |seconds: u64| Timestamp::from(UNIX_EPOCH + Duration::from_secs(1_772_323_200 + seconds));
+    let mut parameters = Parameters::default();
+    parameters.set("collapse.c_i", 2.0);
+    parameters.set("collapse.c_t", 2.0);
+    parameters.set("collapse.leaf_triangles", 16u32);
+    parameters.set("ploc.radius", 8u32);
+    parameters.set("trace.language", "glsl");
+    parameters.set("trace.speculative", true);
+    parameters.set("trace.workgroup.primary", 640u32);
+    parameters.set("trace.workgroup.secondary", 1024u32);
+    Record {
+        schema: SCHEMA,
+        tool: Tool {
+            name: "runner".into(),
+            version: "0.1.0".into(),
+            commit: Some(Commit {
+                hash: "0123456789abcdef0123456789abcdef01234567".into(),
+                dirty: false,
+            }),
+        },
+        command_line: ["runner", "run", "sponza", "cornell", "-o", "record.json"]
+            .map(String::from)
+            .to_vec(),
+        started: at(0),
+        finished: Some(at(42)),
+        host: Host {
+            name: Some("bench".into()),
+            os: "Debian GNU/Linux 12 (bookworm)".into(),
+            kernel: "Linux 6.1.0".into(),
+            cpu: "Example CPU @ 4.5 GHz".into(),
+            cores: 6,
+            memory_bytes: 32 << 30,
+        },
+        device: device(),
+        shaders: [("traverse/binary".to_string(), "5f".repeat(32))].into(),
+        run: Run {
+            width: 640,
+            height: 360,
+            samples: 2,
+            warm_up: 1,
+            depth: 3,
+            seed: 1,
+        },
+        parameters,
+        results: vec![measured(at(30), at(31)), generated()],
+    }
+}
+
+fn device() -> Device {
+    Device {
+        name: "Example GPU 4070".into(),
+        vendor: "NVIDIA".into(),
+        vendor_id: 0x10de,
+        device_id: 0x2782,
+        kind: DeviceKind::Discrete,
+        driver: Driver {
+            name: "NVIDIA".into(),
+            version: "570.124.0".into(),
+            info: "570.124".into(),
+        },
+        api_version: "1.4.303".into(),
+        uuid: "00112233-4455-6677-8899-aabbccddeeff".into(),
+        pci: Some("0000:01:00.0".into()),
+        limits: Limits {
+            subgroup_size: 32,
+            subgroup_size_min: 32,
+            subgroup_size_max: 32,
+            shared_memory_bytes: 48 << 10,
+            workgroup_invocations: 1024,
+            workgroup_size: [1024, 1024, 64],
+            workgroup_count: [0x7fff_ffff, 65_535, 65_535],
+            storage_buffer_bytes: 0xffff_ffff,
+            timestamp_period_nanoseconds: 1.0,
+            timestamp_bits: 64,
+            heaps: vec![Heap {
+                bytes: 12 << 30,
+                device_local: true,
+            }],
+        },
+        features: ["shaderInt64", "VK_KHR_shader_clock"]
+            .map(String::from)
+            .into(),
+    }
+}
+
+fn launches<const N: usize>(launches: [(u64, f64); N]) -> Sample {
+    Sample {
+        depths: launches
+            .map(|(rays, milliseconds)| Launch { rays, milliseconds })
+            .to_vec(),
+    }
+}
+
+fn repetition<const N: usize>(milliseconds: f64, phases: [(&str, f64); N]) -> Repetition {
+    Repetition {
+        milliseconds,
+        phases: phases
+            .map(|(name, milliseconds)| Phase {
+                name: name.into(),
+                milliseconds,
+            })
+            .to_vec(),
+    }
+}
+
+fn counters<const N: usize>(depths: [[u64; 4]; N]) -> Option<Counters> {
+    Some(Counters {
+        depths: depths
+            .map(|[rays, nodes, boxes, triangles]| Count {
+                rays,
+                nodes,
+                boxes,
+                triangles,
+            })
+            .to_vec(),
+    })
+}
+
+fn measured(before: Timestamp, after: Timestamp) -> Point {
+    let reading = |time, temperature, power| {
+        Telemetry::Available(Reading {
+            time,
+            graphics_clock_mhz: Some(2835),
+            sm_clock_mhz: Some(2835),
+            memory_clock_mhz: Some(10_501),
+            temperature_celsius: Some(temperature),
+            power_watts: Some(power),
+            performance_state: Some(0),
+            throttle_reasons: Some([ThrottleReason::ApplicationsClocksSetting].into()),
+        })
+    };
+    Point {
+        scene: Scene {
+            name: "sponza".into(),
+            source: Source::File {
+                name: "sponza.glb".into(),
+                sha256: "a0".repeat(32),
+            },
+            triangles: 262_205,
+            skipped: [("degenerate".to_string(), 2)].into(),
+            load_milliseconds: 21.5,
+        },
+        variant: "Binary".into(),
+        parameters: Parameters::default(),
+        build: Build {
+            repetitions: vec![
+                repetition(1.42, [("morton", 0.05), ("sort", 0.4), ("ploc", 0.9)]),
+                repetition(1.39, [("morton", 0.05), ("sort", 0.38), ("ploc", 0.89)]),
+            ],
+        },
+        tree: Tree {
+            nodes: 98_303,
+            leaves: 98_304,
+            node_bytes: 98_303 * 56,
+            triangle_bytes: 262_205 * 36,
+            average_children: 2.0,
+            average_triangles_per_leaf: 2.667,
+            depth: 27,
+            sah_cost: 181.25,
+        },
+        views: vec![View {
+            name: "atrium".into(),
+            samples: vec![
+                launches([(230_400, 0.128), (229_870, 0.771), (228_910, 0.903)]),
+                launches([(230_400, 0.127), (229_881, 0.769), (228_904, 0.899)]),
+            ],
+            counters: counters([
+                [230_400, 9_216_000, 18_432_000, 4_608_000],
+                [229_870, 11_493_500, 22_987_000, 6_896_100],
+                [228_910, 11_674_410, 23_348_820, 7_096_210],
+            ]),
+            before: reading(before, 51, 92.4),
+            after: reading(after, 58, 204.75),
+            pictures: vec!["sponza-atrium.png".into()],
+        }],
+    }
+}
+
+fn generated() -> Point {
+    let mut given = Parameters::default();
+    given.set("seed", 1u32);
+    let unasked = Telemetry::unavailable("the NVIDIA management library is not installed");
+    let mut parameters = Parameters::default();
+    parameters.set("collapse.c_t", 3.0);
+    Point {
+        scene: Scene {
+            name: "cornell".into(),
+            source: Source::Generator {
+                name: "cornell".into(),
+                parameters: given,
+                sha256: None,
+            },
+            triangles: 36,
+            skipped: Default::default(),
+            load_milliseconds: 0.02,
+        },
+        variant: "Wide4".into(),
+        parameters,
+        build: Build {
+            repetitions: vec![repetition(
+                0.31,
+                [("morton", 0.05), ("sort", 0.1), ("ploc", 0.1)],
+            )],
+        },
+        tree: Tree {
+            nodes: 5,
+            leaves: 14,
+            node_bytes: 5 * 112,
+            triangle_bytes: 36 * 36,
+            average_children: 3.6,
+            average_triangles_per_leaf: 2.571,
+            depth: 2,
+            sah_cost: 23.5,
+        },
+        views: vec![View {
+            name: "front".into(),
+            samples: vec![launches([(230_400, 0.081), (230_112, 0.213)])],
+            counters: None,
+            before: unasked.clone(),
+            after: unasked,
+            pictures: Vec::new(),
+        }],
+    }
+}

@@ -1,0 +1,161 @@
+use crate::{Parameters, Telemetry};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// One scene, traced with one variant and one set of parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Point {
+    /// The scene.
+    pub scene: Scene,
+    /// Name of the variant, such as `Wide4 Quantized`.
+    pub variant: String,
+    /// The parameters in which this point differs from the rest of the run.
+    #[serde(default)]
+    pub parameters: Parameters,
+    /// How long the build took.
+    pub build: Build,
+    /// What the build made.
+    pub tree: Tree,
+    /// What was measured from each view.
+    pub views: Vec<View>,
+}
+
+/// A scene, and how it came to be.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Scene {
+    /// Name of the scene.
+    pub name: String,
+    /// Where its triangles come from.
+    pub source: Source,
+    /// Triangles that the tree was built from.
+    pub triangles: u64,
+    /// Triangles left out, by reason.
+    pub skipped: BTreeMap<String, u64>,
+    /// Milliseconds from opening the file, or starting the generator, to triangles in host memory.
+    pub load_milliseconds: f64,
+}
+
+/// Where a scene's triangles come from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Source {
+    /// A file.
+    File {
+        /// Its name, without the folder it lay in.
+        name: String,
+        /// SHA-256 of its bytes, in hexadecimal.
+        sha256: String,
+    },
+    /// A generator.
+    Generator {
+        /// Its name.
+        name: String,
+        /// What it was given: seed, number of triangles and so on.
+        parameters: Parameters,
+        /// SHA-256 of the triangles it made, in hexadecimal, where somebody computed it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sha256: Option<String>,
+    },
+}
+
+/// Every repetition of the build of one tree.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Build {
+    /// The repetitions, in the order measured.
+    pub repetitions: Vec<Repetition>,
+}
+
+/// One build, from triangles in device memory to nodes that can be traversed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Repetition {
+    /// Milliseconds from the first timestamp to the last, gaps between the phases included.
+    pub milliseconds: f64,
+    /// The phases, in the order in which they ran.
+    pub phases: Vec<Phase>,
+}
+
+/// One phase of a build.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Phase {
+    /// Name of the phase.
+    pub name: String,
+    /// Milliseconds it took on the device.
+    pub milliseconds: f64,
+}
+
+/// What a build made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Tree {
+    /// Nodes, leaves that are stored inside their parent not counted.
+    pub nodes: u64,
+    /// Leaves.
+    pub leaves: u64,
+    /// Bytes of all nodes.
+    pub node_bytes: u64,
+    /// Bytes of all triangles as the traversal reads them.
+    pub triangle_bytes: u64,
+    /// Children of a node, on average.
+    pub average_children: f64,
+    /// Triangles of a leaf, on average.
+    pub average_triangles_per_leaf: f64,
+    /// Most edges between the root and a leaf.
+    pub depth: u32,
+    /// Cost by the surface area heuristic, with the costs that the parameters name.
+    pub sah_cost: f64,
+}
+
+/// What was measured from one view.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct View {
+    /// Name of the view.
+    pub name: String,
+    /// The samples, in the order measured.
+    pub samples: Vec<Sample>,
+    /// What the rays met, from a run of its own, so that counting never slows a timed one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub counters: Option<Counters>,
+    /// The device's state before the first sample.
+    pub before: Telemetry,
+    /// The device's state after the last sample.
+    pub after: Telemetry,
+    /// Pictures rendered from this view, by path.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pictures: Vec<String>,
+}
+
+/// One path sample of every pixel.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Sample {
+    /// The traversal of each wavefront: primary rays first, then one entry per bounce.
+    pub depths: Vec<Launch>,
+}
+
+/// The traversal of one wavefront.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Launch {
+    /// Rays traced.
+    pub rays: u64,
+    /// Milliseconds that the traversal kernel took, and nothing else.
+    pub milliseconds: f64,
+}
+
+/// What the rays of each wavefront met on their way through the tree.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Counters {
+    /// Totals of each wavefront: primary rays first, then one entry per bounce.
+    pub depths: Vec<Count>,
+}
+
+/// Totals over some rays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Count {
+    /// Rays counted.
+    pub rays: u64,
+    /// Nodes visited.
+    pub nodes: u64,
+    /// Boxes tested.
+    pub boxes: u64,
+    /// Triangles tested.
+    pub triangles: u64,
+}

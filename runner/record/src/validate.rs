@@ -1,0 +1,493 @@
+use crate::{Build, Count, Point, Record, SCHEMA, Source, Telemetry, Tree, View};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+
+/// Something in a record that cannot be, and where it stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// Where it stands, such as `results[0].views[2].samples[1].depths[0].milliseconds`.
+    pub at: String,
+    /// What sort of problem it is.
+    pub fault: Fault,
+    /// What is wrong.
+    pub what: String,
+}
+
+/// What sort of problem a [`Problem`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// Something that must be there is not.
+    Empty,
+    /// A number that is infinite or none.
+    NotFinite,
+    /// A number outside the range it can have.
+    Range,
+    /// Rays were traced in no time.
+    NoTime,
+    /// The same thing twice.
+    Duplicate,
+    /// Two fields contradict each other.
+    Mismatch,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{}: {}", self.at, self.what)
+    }
+}
+
+impl Record {
+    /// Checks that the record makes sense, and names every place where it does not.
+    pub fn validate(&self) -> Result<(), Vec<Problem>> {
+        let mut problems = Problems::default();
+        if self.schema == 0 || self.schema > SCHEMA {
+            let what = format!("{} is no schema that this version knows", self.schema);
+            problems.add("schema", Fault::Range, what);
+        }
+        problems.named("tool.name", &self.tool.name);
+        problems.named("tool.version", &self.tool.version);
+        if let Some(commit) = &self.tool.commit
+            && !is_hex(&commit.hash, 40)
+            && !is_hex(&commit.hash, 64)
+        {
+            let what = format!("{:?} is no git commit", commit.hash);
+            problems.add("tool.commit.hash", Fault::Range, what);
+        }
+        if self
+            .finished
+            .is_some_and(|finished| finished < self.started)
+        {
+            problems.add("finished", Fault::Mismatch, "before the run started");
+        }
+        problems.named("device.name", &self.device.name);
+        let limits = &self.device.limits;
+        problems.positive(
+            "device.limits.timestamp_period_nanoseconds",
+            limits.timestamp_period_nanoseconds,
+        );
+        if limits.subgroup_size == 0 {
+            problems.add("device.limits.subgroup_size", Fault::Range, "zero");
+        }
+        for (name, hash) in &self.shaders {
+            problems.sha256(&format!("shaders[{name:?}]"), hash);
+        }
+        for (name, value) in [
+            ("width", self.run.width),
+            ("height", self.run.height),
+            ("samples", self.run.samples),
+            ("depth", self.run.depth),
+        ] {
+            if value == 0 {
+                problems.add(&format!("run.{name}"), Fault::Range, "zero");
+            }
+        }
+        if self.results.is_empty() {
+            problems.add("results", Fault::Empty, "nothing was measured");
+        }
+        let mut seen = BTreeMap::new();
+        for (index, point) in self.results.iter().enumerate() {
+            let at = format!("results[{index}]");
+            let parameters: BTreeMap<_, _> = self
+                .parameters_of(point)
+                .0
+                .into_iter()
+                .map(|(name, value)| (name, value.to_string()))
+                .collect();
+            let key = (point.scene.name.clone(), point.variant.clone(), parameters);
+            if let Some(first) = seen.insert(key, index) {
+                let what = format!(
+                    "{} with {} was measured before, with the same parameters, in results[{first}]",
+                    point.scene.name, point.variant
+                );
+                problems.add(&at, Fault::Duplicate, what);
+            }
+            self.check_point(&at, point, &mut problems);
+        }
+        if problems.0.is_empty() {
+            Ok(())
+        } else {
+            Err(problems.0)
+        }
+    }
+
+    fn check_point(&self, at: &str, point: &Point, problems: &mut Problems) {
+        problems.named(&format!("{at}.variant"), &point.variant);
+        let scene = &point.scene;
+        problems.named(&format!("{at}.scene.name"), &scene.name);
+        let hash = match &scene.source {
+            Source::File { sha256, .. } => Some(sha256),
+            Source::Generator { sha256, .. } => sha256.as_ref(),
+        };
+        if let Some(hash) = hash {
+            problems.sha256(&format!("{at}.scene.source.sha256"), hash);
+        }
+        if scene.triangles == 0 {
+            problems.add(
+                &format!("{at}.scene.triangles"),
+                Fault::Empty,
+                "no triangles",
+            );
+        }
+        problems.not_negative(
+            &format!("{at}.scene.load_milliseconds"),
+            scene.load_milliseconds,
+        );
+        check_build(&format!("{at}.build"), &point.build, problems);
+        check_tree(
+            &format!("{at}.tree"),
+            &point.tree,
+            scene.triangles,
+            problems,
+        );
+        if point.views.is_empty() {
+            problems.add(&format!("{at}.views"), Fault::Empty, "no view was measured");
+        }
+        let mut names = BTreeSet::new();
+        for (index, view) in point.views.iter().enumerate() {
+            let at = format!("{at}.views[{index}]");
+            problems.named(&format!("{at}.name"), &view.name);
+            if !names.insert(&view.name) {
+                let what = format!("a second view {:?}", view.name);
+                problems.add(&at, Fault::Duplicate, what);
+            }
+            check_view(&at, view, self.run.depth as usize, problems);
+        }
+    }
+}
+
+fn check_build(at: &str, build: &Build, problems: &mut Problems) {
+    if build.repetitions.is_empty() {
+        problems.add(
+            &format!("{at}.repetitions"),
+            Fault::Empty,
+            "no build was measured",
+        );
+    }
+    for (index, repetition) in build.repetitions.iter().enumerate() {
+        let at = format!("{at}.repetitions[{index}]");
+        problems.positive(&format!("{at}.milliseconds"), repetition.milliseconds);
+        if repetition.phases.is_empty() {
+            problems.add(
+                &format!("{at}.phases"),
+                Fault::Empty,
+                "no phase was measured",
+            );
+        }
+        let mut names = BTreeSet::new();
+        for (phase_index, phase) in repetition.phases.iter().enumerate() {
+            let at = format!("{at}.phases[{phase_index}]");
+            problems.named(&format!("{at}.name"), &phase.name);
+            if !names.insert(&phase.name) {
+                let what = format!("a second phase {:?}", phase.name);
+                problems.add(&at, Fault::Duplicate, what);
+            }
+            problems.not_negative(&format!("{at}.milliseconds"), phase.milliseconds);
+        }
+        let first = build.repetitions[0].phases.iter().map(|phase| &phase.name);
+        if !first.eq(repetition.phases.iter().map(|phase| &phase.name)) {
+            let what = "not the phases of the first repetition";
+            problems.add(&format!("{at}.phases"), Fault::Mismatch, what);
+        }
+    }
+}
+
+fn check_tree(at: &str, tree: &Tree, triangles: u64, problems: &mut Problems) {
+    for (name, value) in [
+        ("average_children", tree.average_children),
+        (
+            "average_triangles_per_leaf",
+            tree.average_triangles_per_leaf,
+        ),
+        ("sah_cost", tree.sah_cost),
+    ] {
+        problems.not_negative(&format!("{at}.{name}"), value);
+    }
+    if tree.leaves == 0 && triangles > 0 {
+        problems.add(
+            &format!("{at}.leaves"),
+            Fault::Mismatch,
+            "no leaf holds the triangles",
+        );
+    }
+}
+
+fn check_view(at: &str, view: &View, depth: usize, problems: &mut Problems) {
+    if view.samples.is_empty() {
+        problems.add(
+            &format!("{at}.samples"),
+            Fault::Empty,
+            "no sample was measured",
+        );
+    }
+    for (index, sample) in view.samples.iter().enumerate() {
+        let at = format!("{at}.samples[{index}].depths");
+        problems.wavefronts(&at, sample.depths.iter().map(|launch| launch.rays), depth);
+        for (index, launch) in sample.depths.iter().enumerate() {
+            let at = format!("{at}[{index}].milliseconds");
+            problems.not_negative(&at, launch.milliseconds);
+            if launch.rays > 0 && launch.milliseconds == 0.0 {
+                let what = format!("{} rays in no time", launch.rays);
+                problems.add(&at, Fault::NoTime, what);
+            }
+        }
+    }
+    if let Some(counters) = &view.counters {
+        let at = format!("{at}.counters.depths");
+        problems.wavefronts(&at, counters.depths.iter().map(|count| count.rays), depth);
+        for (index, count) in counters.depths.iter().enumerate() {
+            let met = Count { rays: 0, ..*count };
+            if count.rays == 0 && met != Count::default() {
+                let what = "counts without rays";
+                problems.add(&format!("{at}[{index}]"), Fault::Mismatch, what);
+            }
+        }
+    }
+    for (name, telemetry) in [("before", &view.before), ("after", &view.after)] {
+        match telemetry {
+            Telemetry::Unavailable { reason } => {
+                problems.named(&format!("{at}.{name}.reason"), reason);
+            }
+            Telemetry::Available(reading) => {
+                if let Some(watts) = reading.power_watts {
+                    problems.not_negative(&format!("{at}.{name}.power_watts"), watts);
+                }
+            }
+        }
+    }
+}
+
+#[derive(Default)]
+struct Problems(Vec<Problem>);
+
+impl Problems {
+    fn add(&mut self, at: &str, fault: Fault, what: impl Into<String>) {
+        self.0.push(Problem {
+            at: at.into(),
+            fault,
+            what: what.into(),
+        });
+    }
+
+    fn named(&mut self, at: &str, text: &str) {
+        if text.trim().is_empty() {
+            self.add(at, Fault::Empty, "empty");
+        }
+    }
+
+    fn sha256(&mut self, at: &str, text: &str) {
+        if !is_hex(text, 64) {
+            self.add(
+                at,
+                Fault::Range,
+                format!("{text:?} is no SHA-256 in lower-case hexadecimal"),
+            );
+        }
+    }
+
+    fn not_negative(&mut self, at: &str, value: f64) {
+        if !value.is_finite() {
+            self.add(
+                at,
+                Fault::NotFinite,
+                format!("{value} is not a finite number"),
+            );
+        } else if value < 0.0 {
+            self.add(at, Fault::Range, format!("{value} is negative"));
+        }
+    }
+
+    fn positive(&mut self, at: &str, value: f64) {
+        self.not_negative(at, value);
+        if value == 0.0 {
+            self.add(at, Fault::Range, "zero");
+        }
+    }
+
+    /// Primary rays, then bounces: each has no more rays than the one before, since rays only end.
+    fn wavefronts(&mut self, at: &str, rays: impl Iterator<Item = u64>, limit: usize) {
+        let rays: Vec<u64> = rays.collect();
+        if rays.first().is_none_or(|&primary| primary == 0) {
+            self.add(at, Fault::Empty, "no primary rays");
+        }
+        if rays.len() > limit {
+            let what = format!("{} depths, and the run's limit is {limit}", rays.len());
+            self.add(at, Fault::Mismatch, what);
+        }
+        for (index, pair) in rays.windows(2).enumerate() {
+            if pair[1] > pair[0] {
+                let what = format!("{} rays after {} at the depth before", pair[1], pair[0]);
+                self.add(&format!("{at}[{}].rays", index + 1), Fault::Mismatch, what);
+            }
+        }
+    }
+}
+
+fn is_hex(text: &str, digits: usize) -> bool {
+    text.len() == digits
+        && text
+            .bytes()
+            .all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Timestamp, example};
+    use std::time::{Duration, UNIX_EPOCH};
+
+    #[test]
+    fn the_example_is_sound() {
+        assert_eq!(example().validate(), Ok(()));
+    }
+
+    /// Breaks a sound record in one place and expects that place, and no other, to be named.
+    #[track_caller]
+    fn breaks(at: &str, fault: Fault, damage: impl FnOnce(&mut Record)) {
+        let mut record = example();
+        damage(&mut record);
+        let problems = record.validate().expect_err("the damage was not noticed");
+        let found: Vec<_> = problems
+            .iter()
+            .map(|problem| (problem.at.as_str(), problem.fault))
+            .collect();
+        assert_eq!(found, [(at, fault)], "{problems:?}");
+    }
+
+    #[test]
+    fn each_damage_is_named_where_it_is() {
+        use Fault::*;
+        let launch = "results[0].views[0].samples[1].depths[2]";
+        let time = format!("{launch}.milliseconds");
+        fn milliseconds(record: &mut Record) -> &mut f64 {
+            &mut record.results[0].views[0].samples[1].depths[2].milliseconds
+        }
+        breaks(&time, NotFinite, |r| *milliseconds(r) = f64::NAN);
+        breaks(&time, NotFinite, |r| *milliseconds(r) = f64::INFINITY);
+        breaks(&time, Range, |r| *milliseconds(r) = -1.0);
+        breaks(&time, NoTime, |r| *milliseconds(r) = 0.0);
+        breaks(&format!("{launch}.rays"), Mismatch, |r| {
+            r.results[0].views[0].samples[1].depths[2].rays = 1 << 40;
+        });
+
+        breaks("schema", Range, |r| r.schema = 2);
+        breaks("tool.name", Empty, |r| r.tool.name.clear());
+        breaks("tool.commit.hash", Range, |r| {
+            r.tool.commit.as_mut().unwrap().hash = "unknown".into();
+        });
+        breaks("finished", Mismatch, |r| {
+            r.finished = Some(Timestamp::from(UNIX_EPOCH + Duration::from_secs(1)));
+        });
+        breaks("device.name", Empty, |r| r.device.name = " ".into());
+        breaks("device.limits.timestamp_period_nanoseconds", Range, |r| {
+            r.device.limits.timestamp_period_nanoseconds = 0.0;
+        });
+        breaks("device.limits.subgroup_size", Range, |r| {
+            r.device.limits.subgroup_size = 0
+        });
+        breaks("shaders[\"x\"]", Range, |r| {
+            r.shaders.insert("x".into(), "E3".into());
+        });
+        breaks("run.samples", Range, |r| r.run.samples = 0);
+        breaks("results", Empty, |r| r.results.clear());
+        breaks("results[2]", Duplicate, |r| {
+            r.results.push(r.results[0].clone())
+        });
+
+        breaks("results[0].variant", Empty, |r| {
+            r.results[0].variant.clear()
+        });
+        breaks("results[0].scene.triangles", Empty, |r| {
+            r.results[0].scene.triangles = 0
+        });
+        breaks("results[0].scene.load_milliseconds", Range, |r| {
+            r.results[0].scene.load_milliseconds = -0.5;
+        });
+        breaks("results[1].scene.source.sha256", Range, |r| {
+            r.results[1].scene.source = Source::File {
+                name: "sponza.glb".into(),
+                sha256: "ABC".into(),
+            };
+        });
+        breaks("results[0].build.repetitions", Empty, |r| {
+            r.results[0].build.repetitions.clear();
+        });
+        breaks("results[0].build.repetitions[0].milliseconds", Range, |r| {
+            r.results[0].build.repetitions[0].milliseconds = 0.0;
+        });
+        breaks(
+            "results[0].build.repetitions[1].phases[0].milliseconds",
+            NotFinite,
+            |r| {
+                r.results[0].build.repetitions[1].phases[0].milliseconds = f64::NAN;
+            },
+        );
+        breaks("results[0].build.repetitions[1].phases", Mismatch, |r| {
+            r.results[0].build.repetitions[1].phases.swap(0, 1);
+        });
+        breaks("results[0].tree.sah_cost", NotFinite, |r| {
+            r.results[0].tree.sah_cost = f64::INFINITY;
+        });
+        breaks("results[0].tree.leaves", Mismatch, |r| {
+            r.results[0].tree.leaves = 0
+        });
+        breaks("results[0].views", Empty, |r| r.results[0].views.clear());
+        breaks("results[0].views[1]", Duplicate, |r| {
+            let view = r.results[0].views[0].clone();
+            r.results[0].views.push(view);
+        });
+        breaks("results[0].views[0].samples", Empty, |r| {
+            r.results[0].views[0].samples.clear();
+        });
+        breaks("results[0].views[0].samples[0].depths", Empty, |r| {
+            r.results[0].views[0].samples[0].depths.clear();
+        });
+        breaks("results[0].views[0].samples[0].depths", Mismatch, |r| {
+            let depths = &mut r.results[0].views[0].samples[0].depths;
+            let last = depths[depths.len() - 1];
+            depths.resize(r.run.depth as usize + 1, last);
+        });
+        breaks("results[0].views[0].counters.depths[2]", Mismatch, |r| {
+            r.results[0].views[0].counters.as_mut().unwrap().depths[2].rays = 0;
+        });
+        breaks("results[0].views[0].after.power_watts", NotFinite, |r| {
+            if let Telemetry::Available(reading) = &mut r.results[0].views[0].after {
+                reading.power_watts = Some(f64::NAN);
+            }
+        });
+        breaks("results[0].views[0].before.reason", Empty, |r| {
+            r.results[0].views[0].before = Telemetry::unavailable("");
+        });
+    }
+
+    #[test]
+    fn other_parameters_are_another_point() {
+        let mut record = example();
+        let mut point = record.results[0].clone();
+        point.parameters.set("collapse.c_t", 3.0);
+        record.results.push(point);
+        assert_eq!(record.validate(), Ok(()));
+    }
+
+    #[test]
+    fn spelling_out_a_shared_parameter_is_no_other_point() {
+        let mut record = example();
+        let mut point = record.results[0].clone();
+        let (name, value) = record.parameters.0.iter().next().unwrap();
+        point.parameters.set(name.clone(), value.clone());
+        record.results.push(point);
+        let problems = record.validate().unwrap_err();
+        assert_eq!(problems[0].fault, Fault::Duplicate);
+    }
+
+    #[test]
+    fn a_wavefront_without_rays_may_take_no_time() {
+        let mut record = example();
+        let last = record.results[0].views[0].samples[0]
+            .depths
+            .last_mut()
+            .unwrap();
+        last.rays = 0;
+        last.milliseconds = 0.0;
+        assert_eq!(record.validate(), Ok(()));
+    }
+}
