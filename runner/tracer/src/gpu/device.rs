@@ -59,8 +59,14 @@ pub struct DeviceInfo {
     pub shared_memory_bytes: u32,
     /// Invocations in the largest workgroup.
     pub max_workgroup_size: u32,
-    /// Workgroups along x in the largest dispatch.
-    pub max_workgroups: u32,
+    /// Invocations along each axis of the largest workgroup.
+    pub max_workgroup_axes: [u32; 3],
+    /// Workgroups along each axis of the largest dispatch.
+    pub max_workgroups: [u32; 3],
+    /// Bytes of the largest storage buffer that a descriptor can name.
+    pub storage_buffer_bytes: u64,
+    /// Bytes of each memory heap, and whether it is the device's own.
+    pub heaps: Vec<(u64, bool)>,
     /// Nanoseconds a timestamp tick; 0 where the queue has no timestamps.
     pub timestamp_period_ns: f32,
     /// Bits of a timestamp that count.
@@ -399,7 +405,10 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize
             .limits
             .max_compute_work_group_invocations
             .min(basic.limits.max_compute_work_group_size[0]),
-        max_workgroups: basic.limits.max_compute_work_group_count[0],
+        max_workgroup_axes: basic.limits.max_compute_work_group_size,
+        max_workgroups: basic.limits.max_compute_work_group_count,
+        storage_buffer_bytes: u64::from(basic.limits.max_storage_buffer_range),
+        heaps: heaps.iter().map(|h| (h.size, h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))).collect(),
         timestamp_period_ns: if timestamp_bits > 0 { basic.limits.timestamp_period } else { 0.0 },
         timestamp_bits,
         memory_bytes: local.map(|h| h.size).max().unwrap_or(0),
@@ -539,19 +548,6 @@ impl Gpu {
     pub fn validation_messages(&self) -> Vec<String> {
         self.inner.messages.lock().map(|m| m.clone()).unwrap_or_default()
     }
-
-    /// Workgroups that fill the device `times` over with workgroups of `size` invocations, for kernels
-    /// whose workgroups stay until the work is done.
-    pub fn persistent_groups(&self, size: u32, subgroups_per_multiprocessor: u32) -> u32 {
-        let info = self.info();
-        let processors = match (info.multiprocessors, info.kind) {
-            (0, DeviceKind::Cpu) => 4,
-            // Too many workgroups cost little: those that find the queue empty leave at once.
-            (0, _) => 128,
-            (n, _) => n,
-        };
-        (processors * subgroups_per_multiprocessor * info.subgroup_size).div_ceil(size)
-    }
 }
 
 impl Drop for Inner {
@@ -587,7 +583,10 @@ mod tests {
             subgroup_size_range: [32, 32],
             shared_memory_bytes: 0,
             max_workgroup_size: 1024,
-            max_workgroups: 65535,
+            max_workgroup_axes: [1024; 3],
+            max_workgroups: [65535; 3],
+            storage_buffer_bytes: 0,
+            heaps: vec![],
             timestamp_period_ns: 1.0,
             timestamp_bits: 64,
             memory_bytes: 0,

@@ -120,7 +120,7 @@ impl Pass {
 
     /// Runs `kernel` in `groups` workgroups.
     pub fn dispatch<P: NoUninit>(&mut self, name: &str, kernel: &Kernel, push: &P, groups: u32) {
-        let limit = self.gpu.info().max_workgroups;
+        let limit = self.gpu.info().max_workgroups[0];
         if groups > limit {
             self.failed.get_or_insert(Error::TooManyGroups { name: name.into(), groups, limit });
             return;
