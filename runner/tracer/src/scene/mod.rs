@@ -1,4 +1,42 @@
 //! Scenes: files and generators become triangles, materials and views.
+//!
+//! ```text
+//! "sponza"            → descriptor (TOML) → file found on the search path → glTF or OBJ loader ┐
+//! "city:seed=3"       → descriptor (TOML) → generator                                          ├→ Scene
+//! "models/thing.glb"  → glTF or OBJ loader, views from thing.views.json or placed by probing   ┘
+//! ```
+//!
+//! Start at [`load`]. Whatever a file contains, loading ends in a [`Scene`] of finite triangles or in a
+//! [`SceneError`]; what was skipped on the way is counted in the [`LoadReport`].
+
+mod catalog;
+mod descriptor;
+mod error;
+mod generate;
+mod gltf;
+#[cfg(test)]
+mod light_tests;
+mod load;
+mod obj;
+mod probe;
+mod random;
+mod search;
+mod views;
+
+pub use catalog::{BuiltIn, built_in};
+pub use descriptor::{Descriptor, Emissive, MaterialKey, Source};
+pub use error::SceneError;
+pub use generate::Generator;
+pub use load::{describe, load};
+pub use search::{ENVIRONMENT, SearchPath};
+pub use views::place as place_views;
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+/// At most this many triangles are held, counted after instancing: 2²⁷, which takes 5 GB here.
+pub const MAX_TRIANGLES: u64 = 1 << 27;
 
 /// What is traced: triangles with materials, the sky, and the views it is looked at from.
 ///
@@ -17,6 +55,10 @@ pub struct Scene {
     pub views: Vec<View>,
     /// What a ray that leaves the scene sees.
     pub sky: Sky,
+    /// Where it came from.
+    pub provenance: Provenance,
+    /// What happened while it was loaded.
+    pub report: LoadReport,
 }
 
 /// A Lambertian surface, linear RGB.
@@ -31,7 +73,8 @@ pub struct Material {
 }
 
 /// A pinhole camera.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct View {
     /// For people and for `--view NAME`.
     pub name: String,
@@ -40,13 +83,19 @@ pub struct View {
     /// A point the camera looks at.
     pub target: [f32; 3],
     /// Which way is up; need not be orthogonal to the viewing direction.
+    #[serde(default = "y_up")]
     pub up: [f32; 3],
     /// Vertical field of view in degrees.
     pub vfov_degrees: f32,
 }
 
+fn y_up() -> [f32; 3] {
+    [0.0, 1.0, 0.0]
+}
+
 /// Radiance from outside the scene: `horizon` to `zenith` by the direction's height, `ground` below.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Sky {
     /// Straight up.
     pub zenith: [f32; 3],
@@ -54,4 +103,107 @@ pub struct Sky {
     pub horizon: [f32; 3],
     /// Below the horizon.
     pub ground: [f32; 3],
+}
+
+impl Default for Sky {
+    /// A bright overcast day, with some light from below so that no side of a lone object is black.
+    fn default() -> Self {
+        Self {
+            zenith: [0.9, 1.0, 1.2],
+            horizon: [1.0, 1.0, 1.0],
+            ground: [0.35, 0.33, 0.30],
+        }
+    }
+}
+
+/// Where a scene came from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Provenance {
+    /// The file or generator that gave the triangles.
+    pub origin: Origin,
+    /// Licence of the geometry; empty where unknown.
+    pub licence: String,
+    /// Who is to be credited; empty where unknown.
+    pub credit: String,
+}
+
+/// The file or generator behind a scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Origin {
+    /// A model file.
+    File {
+        /// Where it was found.
+        path: PathBuf,
+        /// Hash of its bytes, in lower-case hexadecimal. External buffers and MTL files are not covered.
+        sha256: String,
+    },
+    /// A procedural scene.
+    Generated {
+        /// Which generator.
+        generator: Generator,
+        /// The triangle count that was asked for; the scene has about as many.
+        triangles: u64,
+        /// The seed of its random numbers.
+        seed: u64,
+    },
+}
+
+/// What happened while a scene was loaded: skips are counted, never silent.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct LoadReport {
+    /// Wall-clock time from the first byte read to the finished scene, in seconds.
+    pub seconds: f64,
+    /// Triangles skipped because a corner was NaN or infinite, in the file or after its transform.
+    pub non_finite: u64,
+    /// Triangles (faces, in OBJ) skipped because an index pointed past the vertices.
+    pub out_of_range: u64,
+    /// Triangles without area. They are kept: real files have them and a benchmark should too.
+    pub degenerate: u64,
+    /// Points, lines, and primitives without positions, which were skipped.
+    pub skipped_primitives: u64,
+    /// Anything else worth telling, one sentence each.
+    pub notes: Vec<String>,
+}
+
+impl LoadReport {
+    /// Whether the file was taken as it is, with nothing skipped.
+    pub fn is_clean(&self) -> bool {
+        self.non_finite == 0 && self.out_of_range == 0 && self.skipped_primitives == 0
+    }
+}
+
+/// What a loader or generator hands over.
+#[derive(Debug, Default)]
+pub(crate) struct Geometry {
+    pub positions: Vec<[[f32; 3]; 3]>,
+    pub material_ids: Vec<u32>,
+    pub materials: Vec<Material>,
+}
+
+impl Scene {
+    /// The smallest box around all triangles, as its lowest and highest corner.
+    pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
+        bounds(&self.positions)
+    }
+}
+
+pub(crate) fn bounds(triangles: &[[[f32; 3]; 3]]) -> ([f32; 3], [f32; 3]) {
+    use rayon::prelude::*;
+    const NONE: ([f32; 3], [f32; 3]) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    let merge = |a: ([f32; 3], [f32; 3]), b: ([f32; 3], [f32; 3])| {
+        (
+            std::array::from_fn(|k| a.0[k].min(b.0[k])),
+            std::array::from_fn(|k| a.1[k].max(b.1[k])),
+        )
+    };
+    triangles
+        .par_chunks(1 << 14)
+        .map(|chunk| {
+            chunk
+                .iter()
+                .flatten()
+                .fold(NONE, |sum, &corner| merge(sum, (corner, corner)))
+        })
+        .reduce(|| NONE, merge)
 }

@@ -1,0 +1,497 @@
+//! From a name on the command line to a scene.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use rayon::prelude::*;
+use sha2::{Digest, Sha256};
+
+use super::catalog;
+use super::descriptor::{Descriptor, MaterialKey, Source};
+use super::generate::MAX_REQUEST;
+use super::search::{SearchPath, listed};
+use super::views;
+use super::{
+    Geometry, LoadReport, MAX_TRIANGLES, Material, Origin, Provenance, Scene, SceneError, Sky,
+};
+
+/// Loads what a user names on the command line:
+///
+/// - a descriptor: `sponza`, found as `sponza.toml` on the search path or among the built-in ones;
+/// - a generator's descriptor with other parameters: `city:triangles=1000000,seed=3`;
+/// - a path to a `.glb`, `.gltf` or `.obj` file. Views are read from `NAME.views.json` beside it if there
+///   is one, and placed automatically if not. A file whose hash is that of a built-in descriptor gets its
+///   sky and lights. If no light would reach the views of any other file, its surfaces glow faintly, and
+///   the report says so.
+///
+/// # Errors
+/// Any [`SceneError`]; each says what the user can do.
+pub fn load(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
+    let started = Instant::now();
+    let mut scene = if is_path(spec) {
+        load_path(Path::new(spec))
+    } else {
+        load_named(spec, search)
+    }?;
+    scene.report.degenerate = scene
+        .positions
+        .par_chunks(1 << 14)
+        .map(|chunk| {
+            chunk
+                .iter()
+                .filter(|triangle| is_degenerate(triangle))
+                .count() as u64
+        })
+        .sum();
+    scene.report.seconds = started.elapsed().as_secs_f64();
+    Ok(scene)
+}
+
+/// Finds a descriptor by name, without loading what it describes: first `NAME.toml` on the search path,
+/// then the built-in ones. The path is where it was found, `None` for a built-in one.
+///
+/// # Errors
+/// [`SceneError::UnknownScene`] where there is none, [`SceneError::Descriptor`] where it cannot be read.
+pub fn describe(
+    name: &str,
+    search: &SearchPath,
+) -> Result<(Descriptor, Option<PathBuf>), SceneError> {
+    if let Some(path) = search.find(Path::new(&format!("{name}.toml"))) {
+        let text = std::fs::read_to_string(&path).map_err(|source| SceneError::Read {
+            path: path.clone(),
+            source,
+        })?;
+        return Ok((Descriptor::parse(&path, &text)?, Some(path)));
+    }
+    let known = catalog::built_in();
+    match known.iter().find(|entry| entry.name == name) {
+        Some(entry) => Ok((entry.descriptor()?, None)),
+        None => Err(SceneError::UnknownScene {
+            name: name.to_owned(),
+            known: known
+                .iter()
+                .map(|entry| entry.name)
+                .collect::<Vec<_>>()
+                .join(", "),
+            looked_in: listed(search.folders().iter().map(PathBuf::as_path)),
+        }),
+    }
+}
+
+/// What a surface is made of where the file does not say.
+pub(super) fn default_material() -> Material {
+    Material {
+        name: String::new(),
+        albedo: [0.7; 3],
+        emission: [0.0; 3],
+    }
+}
+
+fn extension(path: &Path) -> String {
+    path.extension()
+        .map(|e| e.to_string_lossy().to_lowercase())
+        .unwrap_or_default()
+}
+
+fn is_path(spec: &str) -> bool {
+    matches!(extension(Path::new(spec)).as_str(), "glb" | "gltf" | "obj")
+        || spec.contains('/')
+        || spec.contains(std::path::MAIN_SEPARATOR)
+}
+
+fn is_degenerate(&[a, b, c]: &[[f32; 3]; 3]) -> bool {
+    let edge = |p: [f32; 3], q: [f32; 3]| {
+        glam::DVec3::from_array(p.map(f64::from)) - glam::DVec3::from_array(q.map(f64::from))
+    };
+    edge(b, a).cross(edge(c, a)).length_squared() == 0.0
+}
+
+fn load_named(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
+    let (name, parameters) = match spec.split_once(':') {
+        Some((name, parameters)) => (name, Some(parameters)),
+        None => (spec, None),
+    };
+    if name.is_empty() || name.contains(char::is_whitespace) {
+        return Err(SceneError::spec(
+            spec,
+            "expected NAME, NAME:key=value,… or a path to a .glb, .gltf or .obj file",
+        ));
+    }
+    let (descriptor, found_at) = describe(name, search)?;
+    let mut report = LoadReport::default();
+    let (mut geometry, origin) = match descriptor.source {
+        Source::Generator {
+            generator,
+            mut triangles,
+            mut seed,
+        } => {
+            parse_parameters(spec, parameters, &mut triangles, &mut seed)?;
+            let geometry = generator.generate(triangles, seed);
+            (
+                geometry,
+                Origin::Generated {
+                    generator,
+                    triangles,
+                    seed,
+                },
+            )
+        }
+        Source::File {
+            ref file,
+            ref sha256,
+            ..
+        } => {
+            if parameters.is_some() {
+                let reason = format!("'{name}' is a file and takes no parameters; generators do");
+                return Err(SceneError::spec(spec, reason));
+            }
+            let path = find_file(name, file, &descriptor, found_at.as_deref(), search)?;
+            let (geometry, found) = read_model(&path, &mut report)?;
+            if let Some(expected) = sha256
+                .as_ref()
+                .filter(|expected| !expected.eq_ignore_ascii_case(&found))
+            {
+                let (name, expected) = (name.to_owned(), expected.clone());
+                return Err(SceneError::WrongHash {
+                    name,
+                    path,
+                    found,
+                    expected,
+                });
+            }
+            (
+                geometry,
+                Origin::File {
+                    path,
+                    sha256: found,
+                },
+            )
+        }
+    };
+    light(&mut geometry.materials, &descriptor, &mut report);
+    let views = if descriptor.views.is_empty() {
+        views::place(&geometry.positions)
+    } else {
+        descriptor.views.clone()
+    };
+    Ok(Scene {
+        name: name.to_owned(),
+        positions: geometry.positions,
+        material_ids: geometry.material_ids,
+        materials: geometry.materials,
+        views,
+        sky: descriptor.sky.unwrap_or_default(),
+        provenance: Provenance {
+            origin,
+            licence: descriptor.licence,
+            credit: descriptor.credit,
+        },
+        report,
+    })
+}
+
+fn parse_parameters(
+    spec: &str,
+    parameters: Option<&str>,
+    triangles: &mut u64,
+    seed: &mut u64,
+) -> Result<(), SceneError> {
+    for pair in parameters.iter().flat_map(|list| list.split(',')) {
+        let (key, value) = pair.split_once('=').ok_or_else(|| {
+            SceneError::spec(
+                spec,
+                format!("'{pair}' is not key=value (triangles=…, seed=…)"),
+            )
+        })?;
+        match key.trim() {
+            "triangles" => {
+                *triangles = parse_count(value.trim()).filter(|n| (1..=MAX_REQUEST).contains(n)).ok_or_else(|| {
+                    let reason = format!("triangles must be a number from 1 to {MAX_REQUEST}, such as 50000 or 1e6");
+                    SceneError::spec(spec, reason)
+                })?;
+            }
+            "seed" => {
+                let wrong = |_| SceneError::spec(spec, "seed must be a whole number");
+                *seed = value.trim().parse().map_err(wrong)?;
+            }
+            other => {
+                return Err(SceneError::spec(
+                    spec,
+                    format!("there is no parameter '{other}'; there are triangles and seed"),
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// `50000`, `50_000`, `1e6` and `2.5e6` are counts.
+fn parse_count(text: &str) -> Option<u64> {
+    let plain = text.replace('_', "");
+    plain.parse().ok().or_else(|| {
+        let value: f64 = plain.parse().ok()?;
+        (value.is_finite() && value >= 0.0 && value.fract() == 0.0 && value <= 1e15)
+            .then_some(value as u64)
+    })
+}
+
+fn find_file(
+    name: &str,
+    file: &str,
+    descriptor: &Descriptor,
+    found_at: Option<&Path>,
+    search: &SearchPath,
+) -> Result<PathBuf, SceneError> {
+    let beside = found_at.and_then(Path::parent);
+    let beside_file = beside
+        .map(|folder| folder.join(file))
+        .filter(|path| path.is_file());
+    beside_file
+        .or_else(|| search.find(Path::new(file)))
+        .ok_or_else(|| SceneError::MissingFile {
+            name: name.to_owned(),
+            file: file.to_owned(),
+            looked_in: listed(
+                beside
+                    .into_iter()
+                    .chain(search.folders().iter().map(PathBuf::as_path)),
+            ),
+            get: match descriptor.get.trim().trim_end_matches('.') {
+                "" => "The descriptor does not say where to get it".to_owned(),
+                sentence => sentence.to_owned(),
+            },
+        })
+}
+
+fn load_path(path: &Path) -> Result<Scene, SceneError> {
+    let mut report = LoadReport::default();
+    let (mut geometry, sha256) = read_model(path, &mut report)?;
+    let beside = views::beside(path)?;
+    let known = catalog::by_hash(&sha256);
+    if let Some((name, descriptor)) = &known {
+        report.notes.push(format!(
+            "the file is that of scene '{name}': its sky and lights are used"
+        ));
+        light(&mut geometry.materials, descriptor, &mut report);
+    }
+    let views = match (beside, &known) {
+        (Some(views), _) => views,
+        (None, Some((_, descriptor))) => descriptor.views.clone(),
+        (None, None) => views::place(&geometry.positions),
+    };
+    let sky = known
+        .as_ref()
+        .and_then(|(_, descriptor)| descriptor.sky)
+        .unwrap_or_default();
+    if known.is_none() && geometry.materials.iter().all(|m| m.emission == [0.0; 3]) {
+        glow_if_dark(&mut geometry, &views, &mut report);
+    }
+    let (licence, credit) = known
+        .map(|(_, d)| (d.licence, d.credit))
+        .unwrap_or_default();
+    Ok(Scene {
+        name: path
+            .file_stem()
+            .map(|stem| stem.to_string_lossy().into_owned())
+            .unwrap_or_default(),
+        positions: geometry.positions,
+        material_ids: geometry.material_ids,
+        materials: geometry.materials,
+        views,
+        sky,
+        provenance: Provenance {
+            origin: Origin::File {
+                path: path.to_owned(),
+                sha256,
+            },
+            licence,
+            credit,
+        },
+        report,
+    })
+}
+
+/// A closed file without lamps would give black pictures, so every surface glows in its own colour.
+fn glow_if_dark(geometry: &mut Geometry, views: &[super::View], report: &mut LoadReport) {
+    let probe = super::probe::Probe::new(&geometry.positions);
+    if views::share_that_sees_sky(&probe, views) > 0.02 {
+        return;
+    }
+    for material in &mut geometry.materials {
+        material.emission = material.albedo.map(|channel| 0.25 * channel);
+    }
+    report.notes.push(
+        "the scene is closed and has no lamps: every surface glows faintly. \
+         A descriptor can name emissive materials instead"
+            .to_owned(),
+    );
+}
+
+/// Reads, hashes and parses a model file.
+fn read_model(path: &Path, report: &mut LoadReport) -> Result<(Geometry, String), SceneError> {
+    let kind = extension(path);
+    if !matches!(kind.as_str(), "glb" | "gltf" | "obj") {
+        let feature = if kind.is_empty() {
+            "a file without extension".to_owned()
+        } else {
+            format!(".{kind} files")
+        };
+        return Err(SceneError::Unsupported {
+            path: path.to_owned(),
+            feature,
+        });
+    }
+    let bytes = std::fs::read(path).map_err(|source| SceneError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    let (geometry, sha256) = rayon::join(
+        || {
+            if kind == "obj" {
+                super::obj::load(path, &bytes, report)
+            } else {
+                super::gltf::load(path, &bytes, report)
+            }
+        },
+        || sha256(&bytes),
+    );
+    let geometry = geometry?;
+    if geometry.positions.is_empty() {
+        let skipped = report.non_finite + report.out_of_range + report.skipped_primitives;
+        let reason = if skipped > 0 {
+            format!(" that can be used ({skipped} were skipped)")
+        } else {
+            String::new()
+        };
+        return Err(SceneError::Empty {
+            path: path.to_owned(),
+            reason,
+        });
+    }
+    debug_assert!(geometry.positions.len() as u64 <= MAX_TRIANGLES);
+    Ok((geometry, sha256))
+}
+
+fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes)
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect()
+}
+
+/// Makes materials emit as the descriptor says.
+fn light(materials: &mut [Material], descriptor: &Descriptor, report: &mut LoadReport) {
+    for emissive in &descriptor.emissive {
+        let mut found = false;
+        for (i, material) in materials.iter_mut().enumerate() {
+            let meant = match &emissive.material {
+                MaterialKey::Index(index) => *index as usize == i,
+                MaterialKey::Name(name) => name == "*" || *name == material.name,
+            };
+            if meant {
+                material.emission = emissive.radiance;
+                found = true;
+            }
+        }
+        if !found {
+            report.notes.push(format!(
+                "the descriptor's emissive material {:?} is not in the scene",
+                emissive.material
+            ));
+        }
+    }
+}
+
+impl Sky {
+    /// Radiance from direction `direction`, which need not be of unit length.
+    pub fn radiance(&self, direction: [f32; 3]) -> [f32; 3] {
+        let [x, y, z] = direction;
+        let height = y / (x * x + y * y + z * z).sqrt().max(f32::MIN_POSITIVE);
+        if height < 0.0 {
+            return self.ground;
+        }
+        std::array::from_fn(|k| self.horizon[k] + (self.zenith[k] - self.horizon[k]) * height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn nowhere() -> SearchPath {
+        SearchPath::only([])
+    }
+
+    #[test]
+    fn counts_are_read_in_the_usual_notations() {
+        assert_eq!(parse_count("50000"), Some(50_000));
+        assert_eq!(parse_count("50_000"), Some(50_000));
+        assert_eq!(parse_count("2.5e6"), Some(2_500_000));
+        for wrong in ["", "-1", "1.5", "nan", "1e99", "many"] {
+            assert_eq!(parse_count(wrong), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn parameters_reach_the_generator() {
+        let scene = load("cornell:triangles=3000,seed=9", &nowhere()).unwrap();
+        let expected = Origin::Generated {
+            generator: super::super::Generator::Cornell,
+            triangles: 3000,
+            seed: 9,
+        };
+        assert_eq!(scene.provenance.origin, expected);
+        assert!(
+            (2400..3600).contains(&scene.positions.len()),
+            "{}",
+            scene.positions.len()
+        );
+    }
+
+    #[test]
+    fn wrong_specs_say_what_would_be_right() {
+        for (spec, part) in [
+            ("", "NAME"),
+            ("cornell:5", "key=value"),
+            ("cornell:size=5", "triangles and seed"),
+            ("cornell:triangles=0", "from 1 to"),
+            ("cornell:triangles=1e12", "from 1 to"),
+            ("cornell:seed=x", "whole number"),
+            ("sponza:seed=1", "no parameters"),
+            ("spnza", "sponza"),
+            ("a/b.fbx", ".fbx"),
+            ("no/such.glb", "no/such.glb"),
+        ] {
+            let message = load(spec, &nowhere()).unwrap_err().to_string();
+            assert!(message.contains(part), "{spec}: {message}");
+        }
+    }
+
+    #[test]
+    fn a_missing_file_says_where_it_was_looked_for_and_where_to_get_it() {
+        let message = load("sponza", &SearchPath::only([PathBuf::from("/nowhere")]))
+            .unwrap_err()
+            .to_string();
+        for part in [
+            "/nowhere",
+            "sponza.glb",
+            "http",
+            "--scene-dir",
+            "BROADLEAF_SCENES",
+        ] {
+            assert!(message.contains(part), "{part}: {message}");
+        }
+    }
+
+    #[test]
+    fn the_sky_runs_from_horizon_to_zenith() {
+        let sky = Sky {
+            zenith: [2.0; 3],
+            horizon: [1.0; 3],
+            ground: [0.0; 3],
+        };
+        assert_eq!(sky.radiance([0.0, 5.0, 0.0]), [2.0; 3]);
+        assert_eq!(sky.radiance([5.0, 0.0, 0.0]), [1.0; 3]);
+        assert_eq!(sky.radiance([1.0, -0.1, 0.0]), [0.0; 3]);
+    }
+}
