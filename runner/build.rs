@@ -18,8 +18,7 @@ fn main() {
         _ => from_git().unwrap_or_default(),
     };
     let hash = commit.strip_suffix("-dirty").unwrap_or(&commit);
-    let is_hash =
-        matches!(hash.len(), 40 | 64) && hash.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let is_hash = matches!(hash.len(), 40 | 64) && hash.bytes().all(|byte| byte.is_ascii_hexdigit());
     assert!(
         hash.is_empty() || is_hash,
         "BROADLEAF_COMMIT must be the full hash of a commit, or that and \"-dirty\", not {commit:?}"
@@ -31,10 +30,7 @@ fn main() {
 fn from_git() -> Option<String> {
     // A commit moves HEAD, or the branch that HEAD names, or packs it; staging moves the index.
     let branch = git(&["symbolic-ref", "--quiet", "HEAD"]);
-    for name in ["HEAD", "index", "packed-refs"]
-        .into_iter()
-        .chain(branch.as_deref())
-    {
+    for name in ["HEAD", "index", "packed-refs"].into_iter().chain(branch.as_deref()) {
         if let Some(path) = git(&["rev-parse", "--path-format=absolute", "--git-path", name])
             && Path::new(&path).exists()
         {
@@ -45,11 +41,7 @@ fn from_git() -> Option<String> {
     let mut status = vec!["status", "--porcelain", "--"];
     status.extend(SOURCES.lines());
     let dirty = git(&status)?;
-    Some(if dirty.is_empty() {
-        head
-    } else {
-        format!("{head}-dirty")
-    })
+    Some(if dirty.is_empty() { head } else { format!("{head}-dirty") })
 }
 
 /// What git prints, run at the root of the workspace.

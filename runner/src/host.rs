@@ -55,12 +55,8 @@ fn commit(built_from: &str, checkout: &Path) -> Option<Commit> {
         return None;
     }
     let dirty = built_dirty
-        || (git(checkout, &["rev-parse", "--verify", "HEAD"]).as_deref() == Some(hash)
-            && differs(checkout));
-    Some(Commit {
-        hash: hash.into(),
-        dirty,
-    })
+        || (git(checkout, &["rev-parse", "--verify", "HEAD"]).as_deref() == Some(hash) && differs(checkout));
+    Some(Commit { hash: hash.into(), dirty })
 }
 
 /// Whether the sources in a checkout differ from its commit, files that git does not know included.
@@ -125,10 +121,7 @@ mod tests {
         let cpuinfo = "processor\t: 0\nmodel\t\t: 85\nmodel name\t: Some   CPU @ 2.00GHz\n";
         assert_eq!(cpu_model(cpuinfo), "Some CPU @ 2.00GHz");
         assert_eq!(cpu_model("processor\t: 0\n"), consts::ARCH);
-        assert_eq!(
-            memory_bytes("MemTotal:       16 kB\nMemFree: 1 kB\n"),
-            16 * 1024
-        );
+        assert_eq!(memory_bytes("MemTotal:       16 kB\nMemFree: 1 kB\n"), 16 * 1024);
         assert_eq!(memory_bytes("nonsense"), 0);
     }
 
@@ -148,10 +141,7 @@ mod tests {
         assert_eq!(tool.name, "runner");
         assert_eq!(tool.commit.is_some(), !BUILT_FROM.is_empty());
         if let Some(commit) = tool.commit {
-            assert!(
-                commit.hash.bytes().all(|byte| byte.is_ascii_hexdigit()),
-                "{commit:?}"
-            );
+            assert!(commit.hash.bytes().all(|byte| byte.is_ascii_hexdigit()), "{commit:?}");
         }
     }
 
@@ -196,10 +186,7 @@ mod tests {
         assert_eq!((found.hash.as_str(), found.dirty), (other, false));
         let found = commit(&format!("{other}-dirty"), folder.path()).unwrap();
         assert_eq!((found.hash.as_str(), found.dirty), (other, true));
-        assert_eq!(
-            commit(other, &folder.path().join("gone")).unwrap().hash,
-            other
-        );
+        assert_eq!(commit(other, &folder.path().join("gone")).unwrap().hash, other);
         assert_eq!(commit("", folder.path()), None);
     }
 }

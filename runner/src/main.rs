@@ -1,8 +1,38 @@
-//! Command line of runner.
+//! Command line of runner: builds BVHs, traces rays, measures both, and writes a benchmark record.
 
-#[allow(dead_code)] // Until `run` fills in the record's first fields.
+mod args;
+mod commands;
 mod host;
-#[allow(dead_code)] // Until `run` measures a view.
+mod params;
+mod picture;
+mod progress;
+mod rayfile;
+mod run;
+mod session;
+mod table;
 mod telemetry;
+mod variant;
 
-fn main() {}
+use args::{Cli, Command};
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result = match &cli.command {
+        Command::Devices { json } => commands::devices(*json),
+        Command::Scenes => commands::scenes(&cli.global),
+        Command::Run(run) => run::run(&cli.global, run),
+        Command::Render(render) => commands::render(&cli.global, render),
+        Command::Rays(rays) => commands::rays(&cli.global, rays),
+        Command::Trace(trace) => commands::trace(&cli.global, trace),
+        Command::Schema => commands::schema(),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("runner: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -14,11 +14,8 @@ const NVIDIA: u32 = 0x10de;
 
 /// Names of NVML's library. The bare name belongs to the development package; a driver alone brings
 /// the numbered one.
-const LIBRARIES: &[&str] = if cfg!(windows) {
-    &["nvml.dll"]
-} else {
-    &["libnvidia-ml.so.1", "libnvidia-ml.so"]
-};
+const LIBRARIES: &[&str] =
+    if cfg!(windows) { &["nvml.dll"] } else { &["libnvidia-ml.so.1", "libnvidia-ml.so"] };
 
 /// A way to ask one device about itself, or the reason why there is none.
 pub struct Telemetry(Result<Source, String>);
@@ -36,12 +33,7 @@ impl Telemetry {
         Telemetry::open_library(LIBRARIES, vendor_id, uuid, pci)
     }
 
-    fn open_library(
-        libraries: &[&str],
-        vendor_id: u32,
-        uuid: [u8; 16],
-        pci: Option<&str>,
-    ) -> Telemetry {
+    fn open_library(libraries: &[&str], vendor_id: u32, uuid: [u8; 16], pci: Option<&str>) -> Telemetry {
         if vendor_id != NVIDIA {
             let reason = "clocks and temperature are read through NVML, for NVIDIA's GPUs only";
             return Telemetry(Err(reason.into()));
@@ -91,13 +83,7 @@ fn find(nvml: &Nvml, uuid: &str, pci: Option<&str>) -> Result<u32, NvmlError> {
 /// Vulkan's device UUID as NVML writes it.
 fn nvml_uuid(uuid: [u8; 16]) -> String {
     let hex: String = uuid.iter().map(|byte| format!("{byte:02x}")).collect();
-    let parts = [
-        &hex[..8],
-        &hex[8..12],
-        &hex[12..16],
-        &hex[16..20],
-        &hex[20..],
-    ];
+    let parts = [&hex[..8], &hex[8..12], &hex[12..16], &hex[16..20], &hex[20..]];
     format!("GPU-{}", parts.join("-"))
 }
 
@@ -126,11 +112,8 @@ fn answers(device: &Device) -> Answers {
 
 fn reading(answers: Answers, time: Timestamp) -> record::Telemetry {
     // A device without any clock tells nothing worth keeping: it is lost, or we may not ask.
-    if let (Err(error), Err(_), Err(_)) = (
-        &answers.graphics_clock,
-        &answers.sm_clock,
-        &answers.memory_clock,
-    ) {
+    if let (Err(error), Err(_), Err(_)) = (&answers.graphics_clock, &answers.sm_clock, &answers.memory_clock)
+    {
         return record::Telemetry::unavailable(format!("NVML reads no clock: {error}"));
     }
     record::Telemetry::Available(Reading {
@@ -157,35 +140,14 @@ fn performance_state(state: PerformanceState) -> Option<u32> {
 fn throttle_reasons(bits: u64) -> BTreeSet<ThrottleReason> {
     let names = [
         (ThrottleReasons::GPU_IDLE, ThrottleReason::GpuIdle),
-        (
-            ThrottleReasons::APPLICATIONS_CLOCKS_SETTING,
-            ThrottleReason::ApplicationsClocksSetting,
-        ),
-        (
-            ThrottleReasons::SW_POWER_CAP,
-            ThrottleReason::SoftwarePowerCap,
-        ),
-        (
-            ThrottleReasons::HW_SLOWDOWN,
-            ThrottleReason::HardwareSlowdown,
-        ),
+        (ThrottleReasons::APPLICATIONS_CLOCKS_SETTING, ThrottleReason::ApplicationsClocksSetting),
+        (ThrottleReasons::SW_POWER_CAP, ThrottleReason::SoftwarePowerCap),
+        (ThrottleReasons::HW_SLOWDOWN, ThrottleReason::HardwareSlowdown),
         (ThrottleReasons::SYNC_BOOST, ThrottleReason::SyncBoost),
-        (
-            ThrottleReasons::SW_THERMAL_SLOWDOWN,
-            ThrottleReason::SoftwareThermalSlowdown,
-        ),
-        (
-            ThrottleReasons::HW_THERMAL_SLOWDOWN,
-            ThrottleReason::HardwareThermalSlowdown,
-        ),
-        (
-            ThrottleReasons::HW_POWER_BRAKE_SLOWDOWN,
-            ThrottleReason::HardwarePowerBrake,
-        ),
-        (
-            ThrottleReasons::DISPLAY_CLOCK_SETTING,
-            ThrottleReason::DisplayClockSetting,
-        ),
+        (ThrottleReasons::SW_THERMAL_SLOWDOWN, ThrottleReason::SoftwareThermalSlowdown),
+        (ThrottleReasons::HW_THERMAL_SLOWDOWN, ThrottleReason::HardwareThermalSlowdown),
+        (ThrottleReasons::HW_POWER_BRAKE_SLOWDOWN, ThrottleReason::HardwarePowerBrake),
+        (ThrottleReasons::DISPLAY_CLOCK_SETTING, ThrottleReason::DisplayClockSetting),
     ];
     let mut unknown = bits;
     let mut reasons = BTreeSet::new();
@@ -228,14 +190,9 @@ mod tests {
             temperature_celsius: Some(41),
             power_watts: Some(121.5),
             performance_state: Some(2),
-            throttle_reasons: Some(
-                [ThrottleReason::SoftwarePowerCap, ThrottleReason::SyncBoost].into(),
-            ),
+            throttle_reasons: Some([ThrottleReason::SoftwarePowerCap, ThrottleReason::SyncBoost].into()),
         };
-        assert_eq!(
-            reading(full(), time),
-            record::Telemetry::Available(expected)
-        );
+        assert_eq!(reading(full(), time), record::Telemetry::Available(expected));
     }
 
     #[test]
@@ -279,16 +236,11 @@ mod tests {
         assert_eq!(all.len(), 9, "{all:?}");
         assert!(!all.contains(&ThrottleReason::Other));
         assert_eq!(throttle_reasons(1 << 40), [ThrottleReason::Other].into());
-        let newer = Answers {
-            throttle_reasons: Err(NvmlError::IncorrectBits(Bits::U64(1 << 40 | 1))),
-            ..full()
-        };
+        let newer =
+            Answers { throttle_reasons: Err(NvmlError::IncorrectBits(Bits::U64(1 << 40 | 1))), ..full() };
         let expected = [ThrottleReason::GpuIdle, ThrottleReason::Other].into();
         let telemetry = reading(newer, Timestamp::now());
-        assert_eq!(
-            telemetry.reading().unwrap().throttle_reasons,
-            Some(expected)
-        );
+        assert_eq!(telemetry.reading().unwrap().throttle_reasons, Some(expected));
     }
 
     #[test]

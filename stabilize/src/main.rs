@@ -19,11 +19,7 @@ use std::process::ExitCode;
 )]
 struct Arguments {
     /// The command to run, with its arguments.
-    #[arg(
-        value_name = "CMD",
-        trailing_var_arg = true,
-        allow_hyphen_values = true
-    )]
+    #[arg(value_name = "CMD", trailing_var_arg = true, allow_hyphen_values = true)]
     command: Vec<OsString>,
 }
 

@@ -3,10 +3,7 @@
 use std::process::{Command, Output};
 
 fn stabilize(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_stabilize"))
-        .args(arguments)
-        .output()
-        .unwrap()
+    Command::new(env!("CARGO_BIN_EXE_stabilize")).args(arguments).output().unwrap()
 }
 
 #[test]
@@ -14,12 +11,7 @@ fn help_says_what_is_and_what_will_be() {
     let output = stabilize(&["--help"]);
     assert_eq!(output.status.code(), Some(0));
     let help = String::from_utf8(output.stdout).unwrap();
-    for part in [
-        "NOT BUILT YET",
-        "lock the clocks",
-        "stabilize [OPTIONS] -- CMD…",
-        "125",
-    ] {
+    for part in ["NOT BUILT YET", "lock the clocks", "stabilize [OPTIONS] -- CMD…", "125"] {
         assert!(help.contains(part), "{part}: {help}");
     }
 }
@@ -34,11 +26,7 @@ fn without_help_it_fails_and_runs_nothing() {
         assert!(output.stdout.is_empty(), "{arguments:?}");
         let message = String::from_utf8(output.stderr).unwrap();
         assert!(message.contains("NOT BUILT YET"), "{message}");
-        assert_eq!(
-            message.contains("Did not run"),
-            !arguments.is_empty(),
-            "{message}"
-        );
+        assert_eq!(message.contains("Did not run"), !arguments.is_empty(), "{message}");
         assert!(!folder.exists(), "{arguments:?}");
     }
 }

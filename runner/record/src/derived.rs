@@ -49,12 +49,7 @@ impl View {
     ///
     /// A sample whose paths had all ended before that depth has no rate there and is left out.
     pub fn mrps(&self, depth: usize) -> Option<f64> {
-        mean(
-            self.samples
-                .iter()
-                .map(|sample| sample.mrps(depth))
-                .filter(Option::is_some),
-        )
+        mean(self.samples.iter().map(|sample| sample.mrps(depth)).filter(Option::is_some))
     }
 
     /// Million primary rays per second, averaged over the samples.
@@ -64,12 +59,7 @@ impl View {
 
     /// Million secondary rays per second, averaged over the samples.
     pub fn secondary_mrps(&self) -> Option<f64> {
-        mean(
-            self.samples
-                .iter()
-                .map(Sample::secondary_mrps)
-                .filter(Option::is_some),
-        )
+        mean(self.samples.iter().map(Sample::secondary_mrps).filter(Option::is_some))
     }
 
     /// Whether the device was being slowed down before or after the view; unknown where it did not
@@ -86,12 +76,7 @@ impl View {
 impl Point {
     /// Million rays per second of one wavefront, averaged over the views that had such rays.
     pub fn mrps(&self, depth: usize) -> Option<f64> {
-        mean(
-            self.views
-                .iter()
-                .map(|view| view.mrps(depth))
-                .filter(Option::is_some),
-        )
+        mean(self.views.iter().map(|view| view.mrps(depth)).filter(Option::is_some))
     }
 
     /// Million primary rays per second, averaged over the views.
@@ -101,55 +86,28 @@ impl Point {
 
     /// Million secondary rays per second, averaged over the views that had any.
     pub fn secondary_mrps(&self) -> Option<f64> {
-        mean(
-            self.views
-                .iter()
-                .map(View::secondary_mrps)
-                .filter(Option::is_some),
-        )
+        mean(self.views.iter().map(View::secondary_mrps).filter(Option::is_some))
     }
 
     /// The counters of all views together; nothing when one of them was not counted.
     pub fn counters(&self) -> Option<Counters> {
-        let counters: Vec<_> = self
-            .views
-            .iter()
-            .map(|view| view.counters.as_ref())
-            .collect::<Option<_>>()?;
-        let deepest = counters
-            .iter()
-            .map(|counters| counters.depths.len())
-            .max()?;
-        let at = |depth| {
-            counters
-                .iter()
-                .filter_map(|counters| counters.depths.get(depth))
-                .sum()
-        };
-        Some(Counters {
-            depths: (0..deepest).map(at).collect(),
-        })
+        let counters: Vec<_> = self.views.iter().map(|view| view.counters.as_ref()).collect::<Option<_>>()?;
+        let deepest = counters.iter().map(|counters| counters.depths.len()).max()?;
+        let at = |depth| counters.iter().filter_map(|counters| counters.depths.get(depth)).sum();
+        Some(Counters { depths: (0..deepest).map(at).collect() })
     }
 }
 
 impl Build {
     /// Milliseconds of the whole build, averaged over the repetitions.
     pub fn mean_milliseconds(&self) -> Option<f64> {
-        mean(
-            self.repetitions
-                .iter()
-                .map(|repetition| Some(repetition.milliseconds)),
-        )
+        mean(self.repetitions.iter().map(|repetition| Some(repetition.milliseconds)))
     }
 
     /// Milliseconds of the whole build in the middle of the repetitions, which one slow repetition
     /// does not move.
     pub fn median_milliseconds(&self) -> Option<f64> {
-        let mut times: Vec<f64> = self
-            .repetitions
-            .iter()
-            .map(|repetition| repetition.milliseconds)
-            .collect();
+        let mut times: Vec<f64> = self.repetitions.iter().map(|repetition| repetition.milliseconds).collect();
         times.sort_by(f64::total_cmp);
         let middle = times.len() / 2;
         match times.len() {
@@ -164,28 +122,16 @@ impl Build {
         let Some(first) = self.repetitions.first() else {
             return Vec::new();
         };
-        let time = |phase: &Phase| {
-            mean(
-                self.repetitions
-                    .iter()
-                    .map(|repetition| repetition.phase(&phase.name)),
-            )
-        };
-        first
-            .phases
-            .iter()
-            .filter_map(|phase| Some((phase.name.as_str(), time(phase)?)))
-            .collect()
+        let time =
+            |phase: &Phase| mean(self.repetitions.iter().map(|repetition| repetition.phase(&phase.name)));
+        first.phases.iter().filter_map(|phase| Some((phase.name.as_str(), time(phase)?))).collect()
     }
 }
 
 impl Repetition {
     /// Milliseconds of one phase.
     pub fn phase(&self, name: &str) -> Option<f64> {
-        self.phases
-            .iter()
-            .find(|phase| phase.name == name)
-            .map(|phase| phase.milliseconds)
+        self.phases.iter().find(|phase| phase.name == name).map(|phase| phase.milliseconds)
     }
 }
 
@@ -255,10 +201,7 @@ mod tests {
 
     fn sample(launches: &[(u64, f64)]) -> Sample {
         Sample {
-            depths: launches
-                .iter()
-                .map(|&(rays, milliseconds)| Launch { rays, milliseconds })
-                .collect(),
+            depths: launches.iter().map(|&(rays, milliseconds)| Launch { rays, milliseconds }).collect(),
         }
     }
 
@@ -285,10 +228,8 @@ mod tests {
     fn samples_and_views_count_alike() {
         let mut point = example().results[0].clone();
         let mut one = point.views[0].clone();
-        one.samples = vec![
-            sample(&[(1_000_000, 1.0), (1_000_000, 2.0)]),
-            sample(&[(1_000_000, 2.0), (0, 0.0)]),
-        ];
+        one.samples =
+            vec![sample(&[(1_000_000, 1.0), (1_000_000, 2.0)]), sample(&[(1_000_000, 2.0), (0, 0.0)])];
         let mut two = one.clone();
         two.samples = vec![sample(&[(1_000_000, 4.0), (1_000_000, 10.0)])];
         assert_eq!(one.primary_mrps(), Some(750.0));
@@ -302,21 +243,12 @@ mod tests {
 
     #[test]
     fn counters_are_totals_over_views_and_depths() {
-        let count = |rays, nodes| Count {
-            rays,
-            nodes,
-            boxes: 2 * nodes,
-            triangles: nodes / 2,
-        };
+        let count = |rays, nodes| Count { rays, nodes, boxes: 2 * nodes, triangles: nodes / 2 };
         let mut point = example().results[0].clone();
         point.views.truncate(1);
-        point.views[0].counters = Some(Counters {
-            depths: vec![count(4, 40), count(2, 60)],
-        });
+        point.views[0].counters = Some(Counters { depths: vec![count(4, 40), count(2, 60)] });
         let mut other = point.views[0].clone();
-        other.counters = Some(Counters {
-            depths: vec![count(4, 80)],
-        });
+        other.counters = Some(Counters { depths: vec![count(4, 80)] });
         point.views.push(other);
         let counters = point.counters().unwrap();
         assert_eq!(counters.primary(), count(8, 120));
@@ -334,23 +266,12 @@ mod tests {
         let repetition = |sort, ploc| Repetition {
             milliseconds: sort + ploc + 1.0,
             phases: vec![
-                Phase {
-                    name: "sort".into(),
-                    milliseconds: sort,
-                },
-                Phase {
-                    name: "ploc".into(),
-                    milliseconds: ploc,
-                },
+                Phase { name: "sort".into(), milliseconds: sort },
+                Phase { name: "ploc".into(), milliseconds: ploc },
             ],
         };
-        let mut build = Build {
-            repetitions: vec![
-                repetition(1.0, 2.0),
-                repetition(3.0, 5.0),
-                repetition(2.0, 2.0),
-            ],
-        };
+        let mut build =
+            Build { repetitions: vec![repetition(1.0, 2.0), repetition(3.0, 5.0), repetition(2.0, 2.0)] };
         assert_eq!(build.mean_phases(), [("sort", 2.0), ("ploc", 3.0)]);
         assert_eq!(build.mean_milliseconds(), Some(6.0));
         assert_eq!(build.median_milliseconds(), Some(5.0));

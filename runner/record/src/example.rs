@@ -3,8 +3,7 @@ use std::time::{Duration, UNIX_EPOCH};
 
 /// A small, sound record with something in every field: for tests and documentation.
 pub fn example() -> Record {
-    let at =
-        |seconds: u64| Timestamp::from(UNIX_EPOCH + Duration::from_secs(1_772_323_200 + seconds));
+    let at = |seconds: u64| Timestamp::from(UNIX_EPOCH + Duration::from_secs(1_772_323_200 + seconds));
     let mut parameters = Parameters::default();
     parameters.set("collapse.c_i", 2.0);
     parameters.set("collapse.c_t", 2.0);
@@ -19,14 +18,9 @@ pub fn example() -> Record {
         tool: Tool {
             name: "runner".into(),
             version: "0.1.0".into(),
-            commit: Some(Commit {
-                hash: "0123456789abcdef0123456789abcdef01234567".into(),
-                dirty: false,
-            }),
+            commit: Some(Commit { hash: "0123456789abcdef0123456789abcdef01234567".into(), dirty: false }),
         },
-        command_line: ["runner", "run", "sponza", "cornell", "-o", "record.json"]
-            .map(String::from)
-            .to_vec(),
+        command_line: ["runner", "run", "sponza", "cornell", "-o", "record.json"].map(String::from).to_vec(),
         started: at(0),
         finished: Some(at(42)),
         host: Host {
@@ -39,14 +33,7 @@ pub fn example() -> Record {
         },
         device: device(),
         shaders: [("traverse/binary".to_string(), "5f".repeat(32))].into(),
-        run: Run {
-            width: 640,
-            height: 360,
-            samples: 2,
-            warm_up: 1,
-            depth: 3,
-            seed: 1,
-        },
+        run: Run { width: 640, height: 360, samples: 2, warm_up: 1, depth: 3, seed: 1 },
         parameters,
         results: vec![measured(at(30), at(31)), generated()],
     }
@@ -59,11 +46,7 @@ fn device() -> Device {
         vendor_id: 0x10de,
         device_id: 0x2782,
         kind: DeviceKind::Discrete,
-        driver: Driver {
-            name: "NVIDIA".into(),
-            version: "570.124.0".into(),
-            info: "570.124".into(),
-        },
+        driver: Driver { name: "NVIDIA".into(), version: "570.124.0".into(), info: "570.124".into() },
         api_version: "1.4.303".into(),
         uuid: "00112233-4455-6677-8899-aabbccddeeff".into(),
         pci: Some("0000:01:00.0".into()),
@@ -78,46 +61,27 @@ fn device() -> Device {
             storage_buffer_bytes: 0xffff_ffff,
             timestamp_period_nanoseconds: 1.0,
             timestamp_bits: 64,
-            heaps: vec![Heap {
-                bytes: 12 << 30,
-                device_local: true,
-            }],
+            heaps: vec![Heap { bytes: 12 << 30, device_local: true }],
         },
-        features: ["shaderInt64", "VK_KHR_shader_clock"]
-            .map(String::from)
-            .into(),
+        features: ["shaderInt64", "VK_KHR_shader_clock"].map(String::from).into(),
     }
 }
 
 fn launches<const N: usize>(launches: [(u64, f64); N]) -> Sample {
-    Sample {
-        depths: launches
-            .map(|(rays, milliseconds)| Launch { rays, milliseconds })
-            .to_vec(),
-    }
+    Sample { depths: launches.map(|(rays, milliseconds)| Launch { rays, milliseconds }).to_vec() }
 }
 
 fn repetition<const N: usize>(milliseconds: f64, phases: [(&str, f64); N]) -> Repetition {
     Repetition {
         milliseconds,
-        phases: phases
-            .map(|(name, milliseconds)| Phase {
-                name: name.into(),
-                milliseconds,
-            })
-            .to_vec(),
+        phases: phases.map(|(name, milliseconds)| Phase { name: name.into(), milliseconds }).to_vec(),
     }
 }
 
 fn counters<const N: usize>(depths: [[u64; 4]; N]) -> Option<Counters> {
     Some(Counters {
         depths: depths
-            .map(|[rays, nodes, boxes, triangles]| Count {
-                rays,
-                nodes,
-                boxes,
-                triangles,
-            })
+            .map(|[rays, nodes, boxes, triangles]| Count { rays, nodes, boxes, triangles })
             .to_vec(),
     })
 }
@@ -138,10 +102,7 @@ fn measured(before: Timestamp, after: Timestamp) -> Point {
     Point {
         scene: Scene {
             name: "sponza".into(),
-            source: Source::File {
-                name: "sponza.glb".into(),
-                sha256: "a0".repeat(32),
-            },
+            source: Source::File { name: "sponza.glb".into(), sha256: "a0".repeat(32) },
             triangles: 262_205,
             skipped: [("degenerate".to_string(), 2)].into(),
             load_milliseconds: 21.5,
@@ -191,11 +152,7 @@ fn generated() -> Point {
     Point {
         scene: Scene {
             name: "cornell".into(),
-            source: Source::Generator {
-                name: "cornell".into(),
-                parameters: given,
-                sha256: None,
-            },
+            source: Source::Generator { name: "cornell".into(), parameters: given, sha256: None },
             triangles: 36,
             skipped: Default::default(),
             load_milliseconds: 0.02,
@@ -203,10 +160,7 @@ fn generated() -> Point {
         variant: "Wide4".into(),
         parameters,
         build: Build {
-            repetitions: vec![repetition(
-                0.31,
-                [("morton", 0.05), ("sort", 0.1), ("ploc", 0.1)],
-            )],
+            repetitions: vec![repetition(0.31, [("morton", 0.05), ("sort", 0.1), ("ploc", 0.1)])],
         },
         tree: Tree {
             nodes: 5,

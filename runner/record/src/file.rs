@@ -72,21 +72,12 @@ impl Record {
         }
 
         let path = path.as_ref();
-        let text = fs::read(path).map_err(|source| Error::Read {
-            path: path.into(),
-            source,
-        })?;
-        let malformed = |source| Error::Malformed {
-            path: path.into(),
-            source,
-        };
+        let text = fs::read(path).map_err(|source| Error::Read { path: path.into(), source })?;
+        let malformed = |source| Error::Malformed { path: path.into(), source };
         let probe: Probe = serde_json::from_slice(&text).map_err(malformed)?;
         match probe.schema {
             None | Some(0) => Err(Error::NoSchema { path: path.into() }),
-            Some(found) if found > u64::from(SCHEMA) => Err(Error::Newer {
-                path: path.into(),
-                found,
-            }),
+            Some(found) if found > u64::from(SCHEMA) => Err(Error::Newer { path: path.into(), found }),
             Some(_) => serde_json::from_slice(&text).map_err(malformed),
         }
     }
@@ -97,23 +88,15 @@ impl Record {
     pub fn write_atomic(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         let path = path.as_ref();
         if let Err(problems) = self.validate()
-            && let Some(problem) = problems
-                .into_iter()
-                .find(|problem| problem.fault == Fault::NotFinite)
+            && let Some(problem) = problems.into_iter().find(|problem| problem.fault == Fault::NotFinite)
         {
-            return Err(Error::Unwritable {
-                path: path.into(),
-                problem,
-            });
+            return Err(Error::Unwritable { path: path.into(), problem });
         }
         replace(path, |out| {
             serde_json::to_writer_pretty(&mut *out, self)?;
             out.write_all(b"\n")
         })
-        .map_err(|source| Error::Write {
-            path: path.into(),
-            source,
-        })
+        .map_err(|source| Error::Write { path: path.into(), source })
     }
 }
 
@@ -201,10 +184,7 @@ mod tests {
         bad.results[0].views[0].samples[0].depths[0].milliseconds = f64::NAN;
         let error = bad.write_atomic(&path).unwrap_err();
         assert!(matches!(error, Error::Unwritable { .. }), "{error}");
-        assert!(
-            error.to_string().contains("results[0].views[0].samples[0]"),
-            "{error}"
-        );
+        assert!(error.to_string().contains("results[0].views[0].samples[0]"), "{error}");
         assert_eq!(Record::read(&path).unwrap(), good);
     }
 
@@ -253,19 +233,13 @@ mod tests {
             fs::write(&path, text).unwrap();
             Record::read(&path).unwrap_err()
         };
-        assert!(matches!(
-            read("{\"schema\": 2}"),
-            Error::Newer { found: 2, .. }
-        ));
+        assert!(matches!(read("{\"schema\": 2}"), Error::Newer { found: 2, .. }));
         assert!(read("{\"schema\": 2}").to_string().contains("schema 2"));
         assert!(matches!(read("{}"), Error::NoSchema { .. }));
         assert!(matches!(read("{\"schema\": 0}"), Error::NoSchema { .. }));
         assert!(matches!(read("{\"schema\": 1}"), Error::Malformed { .. }));
         assert!(matches!(read("[]"), Error::Malformed { .. }));
-        assert!(matches!(
-            read("{\"schema\": 1, \"tool\""),
-            Error::Malformed { .. }
-        ));
+        assert!(matches!(read("{\"schema\": 1, \"tool\""), Error::Malformed { .. }));
         let missing = Record::read(folder.path().join("none.json")).unwrap_err();
         assert!(matches!(missing, Error::Read { .. }));
     }

@@ -93,8 +93,7 @@ impl From<u64> for Value {
 impl From<f64> for Value {
     /// JSON has no infinity; it becomes the word `inf`.
     fn from(value: f64) -> Value {
-        serde_json::Number::from_f64(value)
-            .map_or_else(|| Value::Text(value.to_string()), Value::Number)
+        serde_json::Number::from_f64(value).map_or_else(|| Value::Text(value.to_string()), Value::Number)
     }
 }
 

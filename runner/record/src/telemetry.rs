@@ -45,9 +45,7 @@ pub struct Reading {
 }
 
 /// Why a GPU's clocks are what they are, in NVML's words.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ThrottleReason {
     /// Nothing runs on the GPU.
@@ -88,9 +86,7 @@ impl ThrottleReason {
 impl Telemetry {
     /// Telemetry that is not there, and why.
     pub fn unavailable(reason: impl Into<String>) -> Telemetry {
-        Telemetry::Unavailable {
-            reason: reason.into(),
-        }
+        Telemetry::Unavailable { reason: reason.into() }
     }
 
     /// The reading, where there is one.
@@ -113,21 +109,14 @@ mod tests {
     use super::*;
 
     fn with(reasons: &[ThrottleReason]) -> Telemetry {
-        let mut reading = crate::example().results[0].views[0]
-            .before
-            .reading()
-            .unwrap()
-            .clone();
+        let mut reading = crate::example().results[0].views[0].before.reading().unwrap().clone();
         reading.throttle_reasons = Some(reasons.iter().copied().collect());
         Telemetry::Available(reading)
     }
 
     #[test]
     fn idling_and_chosen_clocks_are_no_throttling() {
-        let harmless = [
-            ThrottleReason::GpuIdle,
-            ThrottleReason::ApplicationsClocksSetting,
-        ];
+        let harmless = [ThrottleReason::GpuIdle, ThrottleReason::ApplicationsClocksSetting];
         assert_eq!(with(&harmless).throttled(), Some(false));
         assert_eq!(with(&[]).throttled(), Some(false));
     }
@@ -139,10 +128,7 @@ mod tests {
             ThrottleReason::HardwareSlowdown,
             ThrottleReason::HardwareThermalSlowdown,
         ] {
-            assert_eq!(
-                with(&[ThrottleReason::GpuIdle, reason]).throttled(),
-                Some(true)
-            );
+            assert_eq!(with(&[ThrottleReason::GpuIdle, reason]).throttled(), Some(true));
         }
     }
 

@@ -41,9 +41,7 @@ impl FromStr for Timestamp {
     fn from_str(text: &str) -> Result<Timestamp, String> {
         humantime::parse_rfc3339(text)
             .map(Timestamp::from)
-            .map_err(|error| {
-                format!("{text:?} is not a time such as 2026-11-22T02:14:44.120Z: {error}")
-            })
+            .map_err(|error| format!("{text:?} is not a time such as 2026-11-22T02:14:44.120Z: {error}"))
     }
 }
 
@@ -55,9 +53,7 @@ impl Serialize for Timestamp {
 
 impl<'de> Deserialize<'de> for Timestamp {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Timestamp, D::Error> {
-        String::deserialize(from)?
-            .parse()
-            .map_err(de::Error::custom)
+        String::deserialize(from)?.parse().map_err(de::Error::custom)
     }
 }
 

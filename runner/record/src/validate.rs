@@ -53,18 +53,12 @@ impl Record {
             let what = format!("{:?} is no git commit", commit.hash);
             problems.add("tool.commit.hash", Fault::Range, what);
         }
-        if self
-            .finished
-            .is_some_and(|finished| finished < self.started)
-        {
+        if self.finished.is_some_and(|finished| finished < self.started) {
             problems.add("finished", Fault::Mismatch, "before the run started");
         }
         problems.named("device.name", &self.device.name);
         let limits = &self.device.limits;
-        problems.positive(
-            "device.limits.timestamp_period_nanoseconds",
-            limits.timestamp_period_nanoseconds,
-        );
+        problems.positive("device.limits.timestamp_period_nanoseconds", limits.timestamp_period_nanoseconds);
         if limits.subgroup_size == 0 {
             problems.add("device.limits.subgroup_size", Fault::Range, "zero");
         }
@@ -103,11 +97,7 @@ impl Record {
             }
             self.check_point(&at, point, &mut problems);
         }
-        if problems.0.is_empty() {
-            Ok(())
-        } else {
-            Err(problems.0)
-        }
+        if problems.0.is_empty() { Ok(()) } else { Err(problems.0) }
     }
 
     fn check_point(&self, at: &str, point: &Point, problems: &mut Problems) {
@@ -122,23 +112,11 @@ impl Record {
             problems.sha256(&format!("{at}.scene.source.sha256"), hash);
         }
         if scene.triangles == 0 {
-            problems.add(
-                &format!("{at}.scene.triangles"),
-                Fault::Empty,
-                "no triangles",
-            );
+            problems.add(&format!("{at}.scene.triangles"), Fault::Empty, "no triangles");
         }
-        problems.not_negative(
-            &format!("{at}.scene.load_milliseconds"),
-            scene.load_milliseconds,
-        );
+        problems.not_negative(&format!("{at}.scene.load_milliseconds"), scene.load_milliseconds);
         check_build(&format!("{at}.build"), &point.build, problems);
-        check_tree(
-            &format!("{at}.tree"),
-            &point.tree,
-            scene.triangles,
-            problems,
-        );
+        check_tree(&format!("{at}.tree"), &point.tree, scene.triangles, problems);
         if point.views.is_empty() {
             problems.add(&format!("{at}.views"), Fault::Empty, "no view was measured");
         }
@@ -157,21 +135,13 @@ impl Record {
 
 fn check_build(at: &str, build: &Build, problems: &mut Problems) {
     if build.repetitions.is_empty() {
-        problems.add(
-            &format!("{at}.repetitions"),
-            Fault::Empty,
-            "no build was measured",
-        );
+        problems.add(&format!("{at}.repetitions"), Fault::Empty, "no build was measured");
     }
     for (index, repetition) in build.repetitions.iter().enumerate() {
         let at = format!("{at}.repetitions[{index}]");
         problems.positive(&format!("{at}.milliseconds"), repetition.milliseconds);
         if repetition.phases.is_empty() {
-            problems.add(
-                &format!("{at}.phases"),
-                Fault::Empty,
-                "no phase was measured",
-            );
+            problems.add(&format!("{at}.phases"), Fault::Empty, "no phase was measured");
         }
         let mut names = BTreeSet::new();
         for (phase_index, phase) in repetition.phases.iter().enumerate() {
@@ -194,30 +164,19 @@ fn check_build(at: &str, build: &Build, problems: &mut Problems) {
 fn check_tree(at: &str, tree: &Tree, triangles: u64, problems: &mut Problems) {
     for (name, value) in [
         ("average_children", tree.average_children),
-        (
-            "average_triangles_per_leaf",
-            tree.average_triangles_per_leaf,
-        ),
+        ("average_triangles_per_leaf", tree.average_triangles_per_leaf),
         ("sah_cost", tree.sah_cost),
     ] {
         problems.not_negative(&format!("{at}.{name}"), value);
     }
     if tree.leaves == 0 && triangles > 0 {
-        problems.add(
-            &format!("{at}.leaves"),
-            Fault::Mismatch,
-            "no leaf holds the triangles",
-        );
+        problems.add(&format!("{at}.leaves"), Fault::Mismatch, "no leaf holds the triangles");
     }
 }
 
 fn check_view(at: &str, view: &View, depth: usize, problems: &mut Problems) {
     if view.samples.is_empty() {
-        problems.add(
-            &format!("{at}.samples"),
-            Fault::Empty,
-            "no sample was measured",
-        );
+        problems.add(&format!("{at}.samples"), Fault::Empty, "no sample was measured");
     }
     for (index, sample) in view.samples.iter().enumerate() {
         let at = format!("{at}.samples[{index}].depths");
@@ -261,11 +220,7 @@ struct Problems(Vec<Problem>);
 
 impl Problems {
     fn add(&mut self, at: &str, fault: Fault, what: impl Into<String>) {
-        self.0.push(Problem {
-            at: at.into(),
-            fault,
-            what: what.into(),
-        });
+        self.0.push(Problem { at: at.into(), fault, what: what.into() });
     }
 
     fn named(&mut self, at: &str, text: &str) {
@@ -276,21 +231,13 @@ impl Problems {
 
     fn sha256(&mut self, at: &str, text: &str) {
         if !is_hex(text, 64) {
-            self.add(
-                at,
-                Fault::Range,
-                format!("{text:?} is no SHA-256 in lower-case hexadecimal"),
-            );
+            self.add(at, Fault::Range, format!("{text:?} is no SHA-256 in lower-case hexadecimal"));
         }
     }
 
     fn not_negative(&mut self, at: &str, value: f64) {
         if !value.is_finite() {
-            self.add(
-                at,
-                Fault::NotFinite,
-                format!("{value} is not a finite number"),
-            );
+            self.add(at, Fault::NotFinite, format!("{value} is not a finite number"));
         } else if value < 0.0 {
             self.add(at, Fault::Range, format!("{value} is negative"));
         }
@@ -323,10 +270,7 @@ impl Problems {
 }
 
 fn is_hex(text: &str, digits: usize) -> bool {
-    text.len() == digits
-        && text
-            .bytes()
-            .all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
+    text.len() == digits && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
 }
 
 #[cfg(test)]
@@ -346,10 +290,7 @@ mod tests {
         let mut record = example();
         damage(&mut record);
         let problems = record.validate().expect_err("the damage was not noticed");
-        let found: Vec<_> = problems
-            .iter()
-            .map(|problem| (problem.at.as_str(), problem.fault))
-            .collect();
+        let found: Vec<_> = problems.iter().map(|problem| (problem.at.as_str(), problem.fault)).collect();
         assert_eq!(found, [(at, fault)], "{problems:?}");
     }
 
@@ -381,32 +322,21 @@ mod tests {
         breaks("device.limits.timestamp_period_nanoseconds", Range, |r| {
             r.device.limits.timestamp_period_nanoseconds = 0.0;
         });
-        breaks("device.limits.subgroup_size", Range, |r| {
-            r.device.limits.subgroup_size = 0
-        });
+        breaks("device.limits.subgroup_size", Range, |r| r.device.limits.subgroup_size = 0);
         breaks("shaders[\"x\"]", Range, |r| {
             r.shaders.insert("x".into(), "E3".into());
         });
         breaks("run.samples", Range, |r| r.run.samples = 0);
         breaks("results", Empty, |r| r.results.clear());
-        breaks("results[2]", Duplicate, |r| {
-            r.results.push(r.results[0].clone())
-        });
+        breaks("results[2]", Duplicate, |r| r.results.push(r.results[0].clone()));
 
-        breaks("results[0].variant", Empty, |r| {
-            r.results[0].variant.clear()
-        });
-        breaks("results[0].scene.triangles", Empty, |r| {
-            r.results[0].scene.triangles = 0
-        });
+        breaks("results[0].variant", Empty, |r| r.results[0].variant.clear());
+        breaks("results[0].scene.triangles", Empty, |r| r.results[0].scene.triangles = 0);
         breaks("results[0].scene.load_milliseconds", Range, |r| {
             r.results[0].scene.load_milliseconds = -0.5;
         });
         breaks("results[1].scene.source.sha256", Range, |r| {
-            r.results[1].scene.source = Source::File {
-                name: "sponza.glb".into(),
-                sha256: "ABC".into(),
-            };
+            r.results[1].scene.source = Source::File { name: "sponza.glb".into(), sha256: "ABC".into() };
         });
         breaks("results[0].build.repetitions", Empty, |r| {
             r.results[0].build.repetitions.clear();
@@ -414,22 +344,16 @@ mod tests {
         breaks("results[0].build.repetitions[0].milliseconds", Range, |r| {
             r.results[0].build.repetitions[0].milliseconds = 0.0;
         });
-        breaks(
-            "results[0].build.repetitions[1].phases[0].milliseconds",
-            NotFinite,
-            |r| {
-                r.results[0].build.repetitions[1].phases[0].milliseconds = f64::NAN;
-            },
-        );
+        breaks("results[0].build.repetitions[1].phases[0].milliseconds", NotFinite, |r| {
+            r.results[0].build.repetitions[1].phases[0].milliseconds = f64::NAN;
+        });
         breaks("results[0].build.repetitions[1].phases", Mismatch, |r| {
             r.results[0].build.repetitions[1].phases.swap(0, 1);
         });
         breaks("results[0].tree.sah_cost", NotFinite, |r| {
             r.results[0].tree.sah_cost = f64::INFINITY;
         });
-        breaks("results[0].tree.leaves", Mismatch, |r| {
-            r.results[0].tree.leaves = 0
-        });
+        breaks("results[0].tree.leaves", Mismatch, |r| r.results[0].tree.leaves = 0);
         breaks("results[0].views", Empty, |r| r.results[0].views.clear());
         breaks("results[0].views[1]", Duplicate, |r| {
             let view = r.results[0].views[0].clone();
@@ -482,10 +406,7 @@ mod tests {
     #[test]
     fn a_wavefront_without_rays_may_take_no_time() {
         let mut record = example();
-        let last = record.results[0].views[0].samples[0]
-            .depths
-            .last_mut()
-            .unwrap();
+        let last = record.results[0].views[0].samples[0].depths.last_mut().unwrap();
         last.rays = 0;
         last.milliseconds = 0.0;
         assert_eq!(record.validate(), Ok(()));

@@ -21,38 +21,18 @@ fn check(schema: &Value, value: &Value, root: &Value, at: &str, misfits: &mut Ve
     for (keyword, rule) in schema {
         let ok = match keyword.as_str() {
             "$schema" | "$defs" | "title" | "description" | "default" | "format" => true,
-            "$ref" => fits(
-                root.pointer(rule.as_str().unwrap().strip_prefix('#').unwrap())
-                    .unwrap(),
-            ),
+            "$ref" => fits(root.pointer(rule.as_str().unwrap().strip_prefix('#').unwrap()).unwrap()),
             "anyOf" => rule.as_array().unwrap().iter().any(fits),
-            "oneOf" => {
-                rule.as_array()
-                    .unwrap()
-                    .iter()
-                    .filter(|one| fits(one))
-                    .count()
-                    == 1
-            }
+            "oneOf" => rule.as_array().unwrap().iter().filter(|one| fits(one)).count() == 1,
             "allOf" => rule.as_array().unwrap().iter().all(fits),
             "const" => value == rule,
             "enum" => rule.as_array().unwrap().contains(value),
-            "minimum" => value
-                .as_f64()
-                .is_none_or(|number| number >= rule.as_f64().unwrap()),
-            "maximum" => value
-                .as_f64()
-                .is_none_or(|number| number <= rule.as_f64().unwrap()),
-            "minItems" => value
-                .as_array()
-                .is_none_or(|list| list.len() as u64 >= rule.as_u64().unwrap()),
-            "maxItems" => value
-                .as_array()
-                .is_none_or(|list| list.len() as u64 <= rule.as_u64().unwrap()),
+            "minimum" => value.as_f64().is_none_or(|number| number >= rule.as_f64().unwrap()),
+            "maximum" => value.as_f64().is_none_or(|number| number <= rule.as_f64().unwrap()),
+            "minItems" => value.as_array().is_none_or(|list| list.len() as u64 >= rule.as_u64().unwrap()),
+            "maxItems" => value.as_array().is_none_or(|list| list.len() as u64 <= rule.as_u64().unwrap()),
             "uniqueItems" => value.as_array().is_none_or(|list| {
-                list.iter()
-                    .enumerate()
-                    .all(|(index, item)| !list[..index].contains(item))
+                list.iter().enumerate().all(|(index, item)| !list[..index].contains(item))
             }),
             "type" => match rule {
                 Value::Array(types) => types.iter().any(|one| is(one.as_str().unwrap(), value)),
@@ -143,9 +123,7 @@ fn every_field_is_described() {
         }
         match schema {
             Value::Object(fields) => {
-                fields
-                    .iter()
-                    .for_each(|(name, field)| walk(field, &format!("{at}/{name}"), bare));
+                fields.iter().for_each(|(name, field)| walk(field, &format!("{at}/{name}"), bare));
             }
             Value::Array(items) => items.iter().for_each(|item| walk(item, at, bare)),
             _ => {}
@@ -167,10 +145,7 @@ fn a_damaged_record_does_not_fit() {
         ("/device/limits/workgroup_size", json!([1, 2])),
         ("/parameters/ploc.radius", json!([8])),
         ("/results/0/scene/source", json!({"kind": "rumour"})),
-        (
-            "/results/0/views/0/before/throttle_reasons/0",
-            json!("boredom"),
-        ),
+        ("/results/0/views/0/before/throttle_reasons/0", json!("boredom")),
         (first_launch, json!({"rays": 5})),
         (first_launch, json!({"rays": 5, "milliseconds": null})),
         (first_launch, json!({"rays": 0.5, "milliseconds": 1.0})),
@@ -183,9 +158,7 @@ fn a_damaged_record_does_not_fit() {
 
 #[test]
 fn what_a_reader_needs_is_required() {
-    for name in [
-        "schema", "tool", "started", "host", "device", "run", "results", "shaders",
-    ] {
+    for name in ["schema", "tool", "started", "host", "device", "run", "results", "shaders"] {
         let mut value = sound();
         value.as_object_mut().unwrap().remove(name);
         assert_eq!(misfits(&value), [format!("/{name}")]);

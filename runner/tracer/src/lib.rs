@@ -1,10 +1,19 @@
 //! Broadleaf's tracer: builds bounding volume hierarchies on the GPU, traces rays through them, and
 //! measures both. It knows nothing of sweeps or of the record's JSON.
 
+pub mod builder;
+pub mod bvh2;
+pub mod collapse;
 pub mod gpu;
+pub mod layout;
+pub mod measure;
+pub mod morton;
 pub mod path;
+pub mod ploc;
 pub mod scene;
+pub mod sort;
 pub mod traverse;
+pub mod validate;
 
 /// What can go wrong between a scene and its hits.
 #[derive(Debug, thiserror::Error)]

@@ -401,10 +401,12 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize
         subgroup_size: p11.subgroup_size.max(1),
         subgroup_size_range: [p13.min_subgroup_size, p13.max_subgroup_size],
         shared_memory_bytes: basic.limits.max_compute_shared_memory_size,
+        // The last limit holds where a kernel fixes its subgroup size, as ours do.
         max_workgroup_size: basic
             .limits
             .max_compute_work_group_invocations
-            .min(basic.limits.max_compute_work_group_size[0]),
+            .min(basic.limits.max_compute_work_group_size[0])
+            .min(p13.max_compute_workgroup_subgroups.max(1) * p11.subgroup_size.max(1)),
         max_workgroup_axes: basic.limits.max_compute_work_group_size,
         max_workgroups: basic.limits.max_compute_work_group_count,
         storage_buffer_bytes: u64::from(basic.limits.max_storage_buffer_range),

@@ -310,18 +310,11 @@ impl<'s> PathTracer<'s> {
         pass.dispatch(&format!("shade {depth}"), &self.shade, &arguments, count);
     }
 
-    /// Counts of each depth's queue, once all its rays are known to have been finished.
-    fn rays_by_depth(&self, depths: usize) -> Result<Vec<u64>, Error> {
+    /// Rays of each depth, once all are known to have been finished.
+    fn rays_by_depth(&self, traversal: &Traversal, depths: usize) -> Result<Vec<u64>, Error> {
         let queues: Vec<Queue> = self.queues.read(0, depths)?;
         for (depth, queue) in queues.iter().enumerate() {
-            if queue.finished != queue.count {
-                return Err(Error::LoopLimit {
-                    depth,
-                    unfinished: queue.count - queue.finished.min(queue.count),
-                    rays: queue.count,
-                    device: self.gpu.info().name.clone(),
-                });
-            }
+            traversal.check(depth, queue)?;
         }
         Ok(queues.iter().map(|q| u64::from(q.count)).collect())
     }
@@ -348,7 +341,7 @@ impl<'s> PathTracer<'s> {
             }
         });
         let timings = pass.submit()?;
-        let rays = self.rays_by_depth(depths)?;
+        let rays = self.rays_by_depth(traversal, depths)?;
         let waves = rays.iter().enumerate().filter(|(_, rays)| **rays > 0).map(|(depth, &rays)| WaveTime {
             rays,
             milliseconds: timings.milliseconds(&format!("sample/trace {depth}")),
@@ -379,7 +372,7 @@ impl<'s> PathTracer<'s> {
             }
             self.record_trace(&mut pass, traversal, tree, depth);
             pass.submit()?;
-            let count = *self.rays_by_depth(depth + 1)?.last().expect("depth + 1 is not 0") as usize;
+            let count = *self.rays_by_depth(traversal, depth + 1)?.last().expect("depth + 1 is not 0") as usize;
             let now = depth % 2;
             let paths: Vec<PathState> = self.paths[now].read(0, count)?;
             let mut sorted: Vec<usize> = (0..count).collect();

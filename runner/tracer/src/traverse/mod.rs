@@ -239,4 +239,20 @@ impl Traversal {
             });
         }
     }
+
+    /// Whether every ray of a wavefront at `depth` has been finished.
+    ///
+    /// # Errors
+    /// The driver ended a loop.
+    pub fn check(&self, depth: usize, queue: &Queue) -> Result<(), Error> {
+        if queue.finished == queue.count {
+            return Ok(());
+        }
+        Err(Error::LoopLimit {
+            depth,
+            unfinished: queue.count.abs_diff(queue.finished),
+            rays: queue.count,
+            device: self.gpu.info().name.clone(),
+        })
+    }
 }

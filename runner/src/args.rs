@@ -1,0 +1,280 @@
+//! The command line.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::{path::PathBuf, str::FromStr};
+
+/// Builds BVHs on the GPU, traces rays through them, measures both, and writes a benchmark record.
+///
+/// SCENE is the name of a scene (`runner scenes` lists them), a generator with parameters such as
+/// `city:triangles=1000000,seed=3`, or a path to a GLB, glTF or OBJ file, for which eight views are placed
+/// automatically.
+///
+/// Exit status: 0 done, 1 failed, 2 usage, 130 interrupted (what was measured until then is kept).
+#[derive(Debug, Parser)]
+#[command(version, subcommand_required = true, arg_required_else_help = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+    #[command(flatten)]
+    pub global: Global,
+}
+
+/// What every command understands.
+#[derive(Clone, Debug, Args)]
+pub struct Global {
+    /// Vulkan device: its number in `runner devices`, part of its name, or its UUID
+    #[arg(long, global = true, value_name = "N|NAME|UUID")]
+    pub device: Option<String>,
+    /// Turn on Vulkan's validation layer; any message it gives makes the run fail
+    #[arg(long, global = true)]
+    pub validate: bool,
+    /// Where scene files and descriptors are looked for, before the folders in BROADLEAF_SCENES
+    #[arg(long, global = true, value_name = "DIR")]
+    pub scene_dir: Vec<PathBuf>,
+    /// No progress and no remarks on stderr
+    #[arg(short, long, global = true)]
+    pub quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// List the Vulkan devices and what matters here about each
+    Devices {
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// List the scenes that are known by name, and where to get those that are missing
+    Scenes,
+    /// Measure: build each scene's BVH, trace paths from its views, print a table, write a record
+    Run(Run),
+    /// Render a picture, or the cost of each pixel
+    Render(Render),
+    /// Write the rays of one wavefront to a file, and what they hit
+    Rays(Rays),
+    /// Trace rays from a file and time it
+    Trace(Trace),
+    /// Print the JSON Schema of the record
+    Schema,
+}
+
+/// What `run` measures.
+#[derive(Debug, Args)]
+pub struct Run {
+    /// Scenes to measure
+    #[arg(required = true, value_name = "SCENE")]
+    pub scenes: Vec<String>,
+    /// Variants to measure; `*` stands for anything, `all` for every variant
+    #[arg(long, value_name = "NAME", default_value = "Binary")]
+    pub variant: Vec<String>,
+    /// Views, by number or name, such as `0,3` or `0-3`; all when left out
+    #[arg(long, value_name = "LIST")]
+    pub views: Option<String>,
+    /// Path samples a pixel and view; 15 on a GPU and 3 on a CPU driver when left out
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub samples: Option<u32>,
+    /// Samples traced before them from each view and thrown away
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub warm_up: u32,
+    /// Builds of each tree; the first is thrown away when there are more. 10 on a GPU, 3 on a CPU driver
+    /// when left out
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub builds: Option<u32>,
+    /// Picture size; 1920x1080 on a GPU and 320x180 on a CPU driver when left out
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+    /// Most rays in a path, the primary ray included
+    #[arg(long, value_name = "D", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub depth: u32,
+    /// Seed of all random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u32,
+    #[command(flatten)]
+    pub tuning: Tuning,
+    /// Where the record goes; it is written anew after each scene
+    #[arg(short, long, value_name = "FILE.json")]
+    pub output: Option<PathBuf>,
+    /// Put this computer's name into the record
+    #[arg(long)]
+    pub host_name: bool,
+}
+
+/// Parameters of the stages.
+#[derive(Clone, Debug, Default, Args)]
+pub struct Tuning {
+    /// Set a parameter of a stage, such as `collapse.c_t=3`; a wrong name prints all of them
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// One scene seen from one view.
+#[derive(Debug, Args)]
+pub struct Seen {
+    /// The scene
+    #[arg(value_name = "SCENE")]
+    pub scene: String,
+    /// View, by number or name
+    #[arg(long, default_value = "0")]
+    pub view: String,
+    /// Variant that traces
+    #[arg(long, value_name = "NAME", default_value = "Binary")]
+    pub variant: String,
+    /// Seed of all random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u32,
+    #[command(flatten)]
+    pub tuning: Tuning,
+}
+
+/// What `render` draws.
+#[derive(Debug, Args)]
+pub struct Render {
+    #[command(flatten)]
+    pub seen: Seen,
+    /// Path samples a pixel
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    pub samples: u32,
+    /// Picture size
+    #[arg(long, value_name = "WxH", default_value = "960x540")]
+    pub size: Size,
+    /// Most rays in a path, the primary ray included
+    #[arg(long, value_name = "D", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub depth: u32,
+    /// Brightness: doubles with every whole step
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub exposure: f32,
+    /// Show what the primary ray of each pixel cost instead of the picture
+    #[arg(long, value_enum)]
+    pub heatmap: Option<Heatmap>,
+    /// Where the picture goes
+    #[arg(short, long, value_name = "OUT.png")]
+    pub output: PathBuf,
+}
+
+/// Which cost a heat map shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Heatmap {
+    /// Inner nodes visited
+    Nodes,
+    /// Boxes tested
+    Boxes,
+    /// Triangles tested
+    Triangles,
+}
+
+/// What `rays` writes.
+#[derive(Debug, Args)]
+pub struct Rays {
+    #[command(flatten)]
+    pub seen: Seen,
+    /// Which wavefront: 0 for primary rays, 1 for the first bounce, and so on
+    #[arg(long, value_name = "K", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..64))]
+    pub depth: u32,
+    /// Picture size
+    #[arg(long, value_name = "WxH", default_value = "1920x1080")]
+    pub size: Size,
+    /// Where the rays go
+    #[arg(short, long, value_name = "RAYS")]
+    pub output: PathBuf,
+    /// Where their hits go
+    #[arg(long, value_name = "HITS")]
+    pub hits: Option<PathBuf>,
+}
+
+/// What `trace` does.
+#[derive(Debug, Args)]
+pub struct Trace {
+    /// File of rays, as `runner rays` writes it
+    #[arg(value_name = "RAYS")]
+    pub rays: PathBuf,
+    /// The scene they are traced through
+    #[arg(long, value_name = "SCENE")]
+    pub scene: String,
+    /// Variant that traces
+    #[arg(long, value_name = "NAME", default_value = "Binary")]
+    pub variant: String,
+    /// Times the rays are traced, after one launch that does not count
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
+    pub launches: u32,
+    /// Launch as for primary rays; otherwise as for secondary ones
+    #[arg(long)]
+    pub primary: bool,
+    #[command(flatten)]
+    pub tuning: Tuning,
+    /// Where the hits go
+    #[arg(long, value_name = "HITS")]
+    pub hits: Option<PathBuf>,
+}
+
+/// Width and height of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    pub width: u32,
+    pub height: u32,
+}
+
+impl FromStr for Size {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("{text:?} is no picture size; write WIDTHxHEIGHT, such as 1920x1080");
+        let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
+        let size = Self {
+            width: width.trim().parse().map_err(|_| wrong())?,
+            height: height.trim().parse().map_err(|_| wrong())?,
+        };
+        // Pixels along the Z-order curve are numbered with 16 bits an axis.
+        if (1..=32768).contains(&size.width) && (1..=32768).contains(&size.height) {
+            Ok(size)
+        } else {
+            Err(format!("{text:?}: each side must be between 1 and 32768 pixels"))
+        }
+    }
+}
+
+/// Picks items by a list of numbers, ranges and names, such as `0,3-5,door`.
+pub fn pick(names: &[String], list: &str) -> Result<Vec<usize>, String> {
+    let mut picked = Vec::new();
+    for part in list.split(',').map(str::trim).filter(|p| !p.is_empty()) {
+        let number = |text: &str| text.parse::<usize>().ok().filter(|n| *n < names.len());
+        let range = part.split_once('-').and_then(|(a, b)| Some(number(a)?..=number(b)?));
+        if let Some(n) = number(part) {
+            picked.push(n);
+        } else if let Some(range) = range {
+            picked.extend(range);
+        } else if let Some(n) = names.iter().position(|name| name == part) {
+            picked.push(n);
+        } else {
+            let all: Vec<_> = names.iter().enumerate().map(|(i, n)| format!("{i} {n}")).collect();
+            return Err(format!("no view {part:?}; there are: {}", all.join(", ")));
+        }
+    }
+    if picked.is_empty() { Err(format!("{list:?} names no view")) } else { Ok(picked) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_definition_is_sound() {
+        use clap::CommandFactory;
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_are_read_or_explained() {
+        assert_eq!("320x180".parse(), Ok(Size { width: 320, height: 180 }));
+        assert!("320".parse::<Size>().unwrap_err().contains("1920x1080"));
+        assert!("0x5".parse::<Size>().is_err());
+        assert!("70000x5".parse::<Size>().is_err());
+    }
+
+    #[test]
+    fn views_are_picked_by_number_range_and_name() {
+        let names: Vec<String> = ["door", "window", "bar", "stairs"].map(String::from).to_vec();
+        assert_eq!(pick(&names, "0,2-3").unwrap(), [0, 2, 3]);
+        assert_eq!(pick(&names, "window, 0").unwrap(), [1, 0]);
+        assert!(pick(&names, "7").unwrap_err().contains("3 stairs"));
+        assert!(pick(&names, ",").is_err());
+    }
+}

@@ -1,0 +1,386 @@
+//! `runner run`: measures scenes and writes the record as it goes.
+
+use crate::{
+    args::{self, Global, Size},
+    host,
+    params::Params,
+    progress::{bar, remark},
+    session::{Loaded, Planted, Session, interrupted, watch_for_interrupts},
+    table,
+    telemetry::Telemetry,
+    variant::Variant,
+};
+use anyhow::Context;
+use indicatif::ProgressBar;
+use record::{Build, Count, Counters, Launch, Phase, Point, Record, Repetition, Source};
+use std::{collections::BTreeMap, path::Path};
+use tracer::{
+    builder::BuildReport,
+    gpu::{DeviceInfo, DeviceKind, shaders},
+    path::{self, Camera, PathTracer},
+    measure::TreeStats,
+    scene::{Origin, Scene, View},
+    traverse::Traversal,
+};
+
+/// Measures what the command line asks for.
+///
+/// # Errors
+/// Anything that keeps a scene from being measured; what was measured before is in the record.
+pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
+    let variants = Variant::select(&run.variant)?;
+    let mut params = Params::default();
+    params.set(&run.tuning.set)?;
+    watch_for_interrupts()?;
+    let session = Session::open(global)?;
+    let cpu = session.gpu.info().kind == DeviceKind::Cpu;
+    let size = run.size.unwrap_or(if cpu {
+        Size { width: 320, height: 180 }
+    } else {
+        Size { width: 1920, height: 1080 }
+    });
+    let plan = Plan {
+        size,
+        samples: run.samples.unwrap_or(if cpu { 3 } else { 15 }),
+        warm_up: run.warm_up,
+        builds: run.builds.unwrap_or(if cpu { 3 } else { 10 }),
+        path: path::Params { depth: run.depth, seed: run.seed },
+        params,
+    };
+    let info = session.gpu.info();
+    let telemetry = Telemetry::open(info.vendor_id, uuid_bytes(&info.uuid), info.pci.as_deref());
+
+    let mut record = Record::new(
+        host::tool(),
+        host::gather(run.host_name),
+        device(info),
+        record::Run {
+            width: size.width,
+            height: size.height,
+            samples: plan.samples,
+            warm_up: plan.warm_up,
+            depth: run.depth,
+            seed: run.seed.into(),
+        },
+    );
+    record.shaders = shaders::ALL.iter().map(|s| (s.name.to_owned(), s.sha256())).collect();
+    for (stage, value) in serde_json::to_value(&plan.params)?.as_object().into_iter().flatten() {
+        record.parameters.add(stage, value)?;
+    }
+
+    let bar = bar(0, session.quiet);
+    let mut writer = Writer { record, output: run.output.as_deref() };
+    writer.write()?;
+    for spec in &run.scenes {
+        bar.set_message(format!("loading {spec}"));
+        let loaded = session.load(spec)?;
+        let views = match &run.views {
+            Some(list) => {
+                let names: Vec<String> = loaded.scene.views.iter().map(|v| v.name.clone()).collect();
+                args::pick(&names, list).map_err(anyhow::Error::msg)?
+            }
+            None => (0..loaded.scene.views.len()).collect(),
+        };
+        for &variant in &variants {
+            let steps = views.len() as u64 * u64::from(plan.warm_up + plan.samples + 1);
+            bar.inc_length(steps);
+            let mut measuring = Measuring {
+                session: &session,
+                telemetry: &telemetry,
+                loaded: &loaded,
+                variant,
+                plan: &plan,
+                bar: &bar,
+            };
+            measuring.measure(&views, &mut writer)?;
+            if interrupted() {
+                break;
+            }
+        }
+        if interrupted() {
+            break;
+        }
+    }
+    bar.finish_and_clear();
+    if !interrupted() {
+        writer.record.finished = Some(record::Timestamp::now());
+        writer.write()?;
+    }
+    println!("{}", table::summary(&writer.record));
+    if let Some(output) = &run.output {
+        remark(session.quiet, format_args!("record: {}", output.display()));
+    }
+    session.finish()?;
+    if interrupted() {
+        std::process::exit(130);
+    }
+    Ok(())
+}
+
+struct Plan {
+    size: Size,
+    samples: u32,
+    warm_up: u32,
+    builds: u32,
+    path: path::Params,
+    params: Params,
+}
+
+/// The record and the file that follows it.
+struct Writer<'a> {
+    record: Record,
+    output: Option<&'a Path>,
+}
+
+impl Writer<'_> {
+    fn write(&self) -> anyhow::Result<()> {
+        match self.output {
+            Some(path) => self.record.write_atomic(path).context("the record cannot be written"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// One scene with one variant.
+struct Measuring<'a> {
+    session: &'a Session,
+    telemetry: &'a Telemetry,
+    loaded: &'a Loaded,
+    variant: Variant,
+    plan: &'a Plan,
+    bar: &'a ProgressBar,
+}
+
+impl Measuring<'_> {
+    fn measure(&mut self, views: &[usize], writer: &mut Writer<'_>) -> anyhow::Result<()> {
+        let plan = self.plan;
+        let scene = &self.loaded.scene;
+        self.bar.set_message(format!("{}, {}: building", scene.name, self.variant));
+        let mut repetitions = Vec::new();
+        let planted = self.session.plant(self.loaded, self.variant, &plan.params, plan.builds, |report| {
+            repetitions.push(repetition(report));
+        })?;
+        if repetitions.len() > 1 {
+            repetitions.remove(0);
+        }
+        writer.record.results.push(Point {
+            scene: described(scene),
+            variant: self.variant.to_string(),
+            parameters: record::Parameters::default(),
+            build: Build { repetitions },
+            tree: tree(&planted.statistics),
+            views: Vec::new(),
+        });
+
+        let timed = self.session.traversal(&planted, &plan.params, false)?;
+        let counting = self.session.traversal(&planted, &plan.params, true)?;
+        let size = (plan.size.width, plan.size.height);
+        let tracer = PathTracer::new(&self.session.gpu, &self.loaded.device, size, &plan.path, true)?;
+        tracer.clear()?;
+        for &view in views {
+            let measured = self.view(&scene.views[view], &tracer, &timed, &counting, &planted)?;
+            let point = writer.record.results.last_mut().expect("pushed above");
+            if let Some(measured) = measured {
+                point.views.push(measured);
+                writer.write()?;
+            }
+            if interrupted() {
+                break;
+            }
+        }
+        if writer.record.results.last().is_some_and(|point| point.views.is_empty()) {
+            writer.record.results.pop();
+        }
+        Ok(())
+    }
+
+    /// `None` when the user interrupted it.
+    fn view(
+        &self,
+        view: &View,
+        tracer: &PathTracer<'_>,
+        timed: &Traversal,
+        counting: &Traversal,
+        planted: &Planted,
+    ) -> anyhow::Result<Option<record::View>> {
+        let plan = self.plan;
+        self.bar.set_message(format!("{}, {}, {}", self.loaded.scene.name, self.variant, view.name));
+        let camera = Camera::new(view, plan.size.width, plan.size.height);
+        for sample in 0..plan.warm_up {
+            tracer.sample(timed, &planted.tree, &camera, u32::MAX - sample)?;
+            self.bar.inc(1);
+        }
+        let before = self.telemetry.sample();
+        let mut samples = Vec::new();
+        for sample in 0..plan.samples {
+            if interrupted() {
+                return Ok(None);
+            }
+            let measured = tracer.sample(timed, &planted.tree, &camera, sample)?;
+            let depths =
+                measured.waves.iter().map(|w| Launch { rays: w.rays, milliseconds: w.milliseconds });
+            samples.push(record::Sample { depths: depths.collect() });
+            self.bar.inc(1);
+        }
+        let after = self.telemetry.sample();
+        let mut counters = Counters::default();
+        tracer.wavefronts(counting, &planted.tree, &camera, 0, |wave| {
+            let sum = |of: fn(&tracer::traverse::Counts) -> u32| wave.counts.iter().map(|c| u64::from(of(c))).sum();
+            if !wave.rays.is_empty() {
+                counters.depths.push(Count {
+                    rays: wave.rays.len() as u64,
+                    nodes: sum(|c| c.nodes),
+                    boxes: sum(|c| c.boxes),
+                    triangles: sum(|c| c.triangles),
+                });
+            }
+            true
+        })?;
+        self.bar.inc(1);
+        Ok(Some(record::View {
+            name: view.name.clone(),
+            samples,
+            counters: Some(counters),
+            before,
+            after,
+            pictures: Vec::new(),
+        }))
+    }
+}
+
+fn repetition(report: &BuildReport) -> Repetition {
+    let took = &report.milliseconds;
+    let phases = [
+        ("morton", took.morton),
+        ("sort", took.sort),
+        ("ploc", took.ploc),
+        ("collapse", took.collapse),
+        ("rearrange", took.rearrange),
+    ];
+    Repetition {
+        milliseconds: took.total,
+        phases: phases.map(|(name, milliseconds)| Phase { name: name.into(), milliseconds }).to_vec(),
+    }
+}
+
+fn tree(stats: &TreeStats) -> record::Tree {
+    record::Tree {
+        nodes: stats.nodes,
+        leaves: stats.leaves,
+        node_bytes: stats.node_bytes,
+        triangle_bytes: stats.triangle_bytes,
+        average_children: stats.children_per_node,
+        average_triangles_per_leaf: stats.triangles_per_leaf,
+        depth: stats.depth,
+        sah_cost: stats.sah_cost,
+    }
+}
+
+fn described(scene: &Scene) -> record::Scene {
+    let report = &scene.report;
+    let source = match &scene.provenance.origin {
+        Origin::File { path, sha256 } => Source::File {
+            name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+            sha256: sha256.clone(),
+        },
+        Origin::Generated { generator, triangles, seed } => {
+            let mut parameters = record::Parameters::default();
+            parameters.set("triangles", *triangles);
+            parameters.set("seed", *seed);
+            Source::Generator { name: generator.to_string(), parameters, sha256: None }
+        }
+    };
+    let skipped = [
+        ("non_finite", report.non_finite),
+        ("out_of_range", report.out_of_range),
+        ("not_triangles", report.skipped_primitives),
+    ];
+    record::Scene {
+        name: scene.name.clone(),
+        source,
+        triangles: scene.positions.len() as u64,
+        skipped: skipped
+            .into_iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(reason, count)| (reason.to_owned(), count))
+            .collect::<BTreeMap<_, _>>(),
+        load_milliseconds: report.seconds * 1e3,
+    }
+}
+
+fn device(info: &DeviceInfo) -> record::Device {
+    record::Device {
+        name: info.name.clone(),
+        vendor: vendor(info.vendor_id).into(),
+        vendor_id: info.vendor_id,
+        device_id: info.device_id,
+        kind: match info.kind {
+            DeviceKind::Discrete => record::DeviceKind::Discrete,
+            DeviceKind::Integrated => record::DeviceKind::Integrated,
+            DeviceKind::Virtual => record::DeviceKind::Virtual,
+            DeviceKind::Cpu => record::DeviceKind::Cpu,
+            DeviceKind::Other => record::DeviceKind::Other,
+        },
+        driver: record::Driver {
+            name: info.driver_name.clone(),
+            version: info.driver_version.to_string(),
+            info: info.driver_info.clone(),
+        },
+        api_version: info.api_version.clone(),
+        uuid: info.uuid.clone(),
+        pci: info.pci.clone(),
+        limits: record::Limits {
+            subgroup_size: info.subgroup_size,
+            subgroup_size_min: info.subgroup_size_range[0],
+            subgroup_size_max: info.subgroup_size_range[1],
+            shared_memory_bytes: info.shared_memory_bytes,
+            workgroup_invocations: info.max_workgroup_size,
+            workgroup_size: info.max_workgroup_axes,
+            workgroup_count: info.max_workgroups,
+            storage_buffer_bytes: info.storage_buffer_bytes,
+            timestamp_period_nanoseconds: f64::from(info.timestamp_period_ns),
+            timestamp_bits: info.timestamp_bits,
+            heaps: info
+                .heaps
+                .iter()
+                .map(|&(bytes, device_local)| record::Heap { bytes, device_local })
+                .collect(),
+        },
+        features: info.optional.iter().cloned().collect(),
+    }
+}
+
+/// The vendor behind a PCI or Khronos vendor number.
+fn vendor(id: u32) -> &'static str {
+    match id {
+        0x10DE => "NVIDIA",
+        0x1002 => "AMD",
+        0x8086 => "Intel",
+        0x13B5 => "Arm",
+        0x5143 => "Qualcomm",
+        0x106B => "Apple",
+        0x10005 => "Mesa",
+        0x1AE0 => "Google",
+        _ => "unknown",
+    }
+}
+
+fn uuid_bytes(uuid: &str) -> [u8; 16] {
+    let digits: Vec<u8> = uuid.bytes().filter_map(|c| (c as char).to_digit(16)).map(|d| d as u8).collect();
+    std::array::from_fn(|i| match digits.get(2 * i..2 * i + 2) {
+        Some(pair) => pair[0] << 4 | pair[1],
+        None => 0,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_uuid_is_read_back_from_its_text() {
+        let bytes = uuid_bytes("00112233-4455-6677-8899-aabbccddeeff");
+        assert_eq!(bytes[..4], [0x00, 0x11, 0x22, 0x33]);
+        assert_eq!(bytes[15], 0xff);
+    }
+}

@@ -1,0 +1,335 @@
+//! Parallel locally-ordered clustering, PLOC++ (Benthin, Drabinski, Tessari, Dittebrandt 2022): a binary
+//! tree from the bottom up.
+//!
+//! Every triangle starts as a cluster; clusters lie in a row, in Morton order. An iteration finds each
+//! one's neighbour, merges the pairs that choose each other, and closes the gaps:
+//!
+//! ```text
+//! clusters     a    b    c    d    e    f    g
+//! neighbour    b    a    b    e    d    g    e        the one within the radius to either side
+//!              \----/         \----/                  with the least area of the box around both
+//! next         ab   c    de   f    g                  node ab = (a, b), node de = (d, e)
+//! ```
+//!
+//! Two dispatches an iteration: `nearest.comp` finds partners and counts what each block will keep,
+//! `merge.comp` adds up the counts of the blocks before its own and writes nodes and clusters. Their
+//! workgroup counts come from the GPU, so the host records a number of iterations and reads nothing back.
+//! When one workgroup can hold all clusters, `tail.comp` does the rest in shared memory.
+//!
+//! We leave the paper in three points. There a single kernel makes an iteration by letting workgroups wait
+//! for the sums of earlier ones, which Vulkan does not promise to work. Of equally near neighbours the one
+//! with the least `own ^ other` is taken, so that rows of identical boxes halve at once. And [`Step`] bounds
+//! the number of iterations for any input.
+
+use crate::{
+    bvh2::{Bvh2Buffers, MAX_LEVELS},
+    gpu::{Buffer, Error, Gpu, Kernel, Pass, groups, shaders},
+};
+use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
+
+pub mod cpu;
+
+/// What may be chosen about the clustering.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PlocParams {
+    /// How far along the row a cluster looks for its neighbour, to either side; 1 to 64.
+    ///
+    /// The cost of `nearest.comp` grows in proportion; the tree's quality grows little beyond 16.
+    pub radius: u32,
+}
+
+impl Default for PlocParams {
+    fn default() -> Self {
+        Self { radius: 16 }
+    }
+}
+
+/// Where the clustering stands, and the rule that bounds its iterations.
+///
+/// Mutual pairs can be rare: in a nest of boxes each smaller than the next, every one's best neighbour is
+/// the next smaller, and only the innermost two agree. An iteration that removes less than an eighth of
+/// the clusters is therefore followed by a forced one, in which clusters 2k and 2k + 1 merge whatever
+/// their boxes. Ordinary scenes lose a quarter or more each time and never meet it, except when a handful
+/// is left, where a bad pair would cost most: hence forcing starts only above 1024 clusters, or after 128
+/// iterations. For 2^27 triangles that makes at most 89 iterations down to 1024 clusters, and at most
+/// 128 + 62 in all, which [`MAX_LEVELS`] holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Iterations done.
+    pub done: u32,
+    /// Clusters left.
+    pub clusters: usize,
+    /// Whether the next iteration merges 2k with 2k + 1.
+    pub forced: bool,
+}
+
+impl Step {
+    const SMALL: usize = 1024;
+    const PATIENCE: u32 = 128;
+
+    /// Before the first iteration.
+    pub fn first(clusters: usize) -> Self {
+        Self { done: 0, clusters, forced: false }
+    }
+
+    /// After an iteration that left so many clusters; `step_after` in `ploc.glsl`.
+    #[must_use]
+    pub fn after(self, clusters: usize) -> Self {
+        let done = self.done + 1;
+        let slow = clusters > self.clusters - self.clusters / 8;
+        let may_force = clusters > Self::SMALL || done >= Self::PATIENCE;
+        Self { done, clusters, forced: slow && may_force && !self.forced }
+    }
+}
+
+/// The kernels, compiled.
+#[derive(Debug)]
+pub struct Ploc {
+    leaves: Kernel,
+    nearest: Kernel,
+    merge: Kernel,
+    tail: Kernel,
+    radius: u32,
+}
+
+/// Memory that the clustering needs besides the tree.
+#[derive(Debug)]
+pub struct PlocBuffers {
+    /// Clusters of even and of odd iterations.
+    clusters: [Buffer; 2],
+    partners: Buffer,
+    block_counts: Buffer,
+    /// Zeroed at the start: `State` in `ploc.glsl`, then the superblocks' counts of even and odd steps.
+    state: Buffer,
+    supers: [u64; 2],
+}
+
+/// Words of `State` in `ploc.glsl`.
+const STATE_WORDS: usize = 1 + 2 * (MAX_LEVELS + 1) + 3 * (MAX_LEVELS + 1);
+const ARGUMENTS_WORD: usize = 1 + 2 * (MAX_LEVELS + 1);
+const SUPERBLOCK: u32 = 32;
+
+/// Invocations a workgroup wants; `tail.comp` starts when this many clusters are left. Twice as many would
+/// not fit 32 KiB of shared memory with a large radius.
+const WORKGROUP: u32 = 512;
+
+/// Nodes that a workgroup takes where later stages process a level by a dispatch.
+pub(crate) const LEVEL_WORKGROUP: u32 = 256;
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct LeavesPush {
+    triangles: u64,
+    order: u64,
+    nodes: u64,
+    state: u64,
+    levels: u64,
+    count: u32,
+    pad: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct NearestPush {
+    nodes: u64,
+    clusters: u64,
+    partners: u64,
+    block_counts: u64,
+    super_counts: u64,
+    next_super_counts: u64,
+    state: u64,
+    bounds: u64,
+    step: u32,
+    pad: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct MergePush {
+    nodes: u64,
+    clusters: u64,
+    next_clusters: u64,
+    partners: u64,
+    block_counts: u64,
+    super_counts: u64,
+    state: u64,
+    levels: u64,
+    step: u32,
+    level_group: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct TailPush {
+    nodes: u64,
+    clusters: [u64; 2],
+    state: u64,
+    levels: u64,
+    bounds: u64,
+}
+
+impl Ploc {
+    /// Compiles the kernels.
+    ///
+    /// # Errors
+    /// The driver's compiler failed.
+    ///
+    /// # Panics
+    /// The radius is not in 1 to 64.
+    pub fn new(gpu: &Gpu, params: &PlocParams) -> Result<Self, Error> {
+        assert!((1..=64).contains(&params.radius), "the radius is 1 to 64, not {}", params.radius);
+        let size = WORKGROUP.min(gpu.info().max_workgroup_size);
+        let radius = [params.radius];
+        Ok(Self {
+            leaves: Kernel::new(gpu, &shaders::PLOC_LEAVES, size, &radius)?,
+            nearest: Kernel::new(gpu, &shaders::PLOC_NEAREST, size, &radius)?,
+            merge: Kernel::new(gpu, &shaders::PLOC_MERGE, size, &radius)?,
+            tail: Kernel::new(gpu, &shaders::PLOC_TAIL, size, &radius)?,
+            radius: params.radius,
+        })
+    }
+
+    /// Allocates for up to `count` triangles.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn buffers(&self, gpu: &Gpu, count: usize) -> Result<PlocBuffers, Error> {
+        let blocks = groups(count, self.own());
+        let supers = u64::from(blocks.div_ceil(SUPERBLOCK));
+        let words = STATE_WORDS as u64 + 2 * supers;
+        let state = gpu.buffer("clustering state", 4 * words)?;
+        let first_supers = state.address() + 4 * STATE_WORDS as u64;
+        let indices = 4 * count as u64;
+        Ok(PlocBuffers {
+            clusters: [gpu.buffer("even clusters", indices)?, gpu.buffer("odd clusters", indices)?],
+            partners: gpu.buffer("partners", indices)?,
+            block_counts: gpu.buffer("block counts", 4 * u64::from(blocks))?,
+            supers: [first_supers, first_supers + 4 * supers],
+            state,
+        })
+    }
+
+    /// Clusters that a workgroup decides about; `OWN` in `ploc.glsl`.
+    fn own(&self) -> u32 {
+        self.nearest.workgroup_size() - 2 * self.radius
+    }
+
+    /// Clusters that the tail can take over; sizes around it and around [`Ploc::block`] deserve tests.
+    pub fn tail(&self) -> usize {
+        self.nearest.workgroup_size() as usize
+    }
+
+    /// Clusters a block.
+    pub fn block(&self) -> usize {
+        self.own() as usize
+    }
+
+    /// Iterations to record for `count` triangles: enough for all scenes seen, and the host records more
+    /// if they were not. An iteration that is not needed costs two empty dispatches.
+    pub fn iterations(&self, count: usize) -> u32 {
+        let factor = count as f64 / self.tail() as f64;
+        if factor <= 1.0 {
+            return 0;
+        }
+        // An iteration leaves 0.66 to 0.72 of the clusters.
+        ((factor.ln() / (1.0f64 / 0.73).ln()).ceil() as u32 + 2).min(MAX_LEVELS as u32)
+    }
+
+    /// Records the leaves, which start the tree afresh.
+    pub fn record_leaves(
+        &self,
+        pass: &mut Pass,
+        triangles: &Buffer,
+        count: usize,
+        order: &Buffer,
+        tree: &Bvh2Buffers,
+        buffers: &PlocBuffers,
+    ) {
+        pass.fill(&buffers.state, 0);
+        pass.fill(&tree.levels, 0);
+        let push = LeavesPush {
+            triangles: triangles.address(),
+            order: order.address(),
+            nodes: tree.nodes.address(),
+            state: buffers.state.address(),
+            levels: tree.levels.address(),
+            count: u32::try_from(count).expect("at most MAX_TRIANGLES"),
+            pad: 0,
+        };
+        pass.dispatch("leaves", &self.leaves, &push, groups(count, self.leaves.workgroup_size()));
+    }
+
+    /// Records the iterations `steps` and the tail. The tree is complete if so many were enough:
+    /// then `levels.count` is no longer 0 (or there is one triangle).
+    pub fn record(
+        &self,
+        pass: &mut Pass,
+        tree: &Bvh2Buffers,
+        bounds: &Buffer,
+        buffers: &PlocBuffers,
+        steps: std::ops::Range<u32>,
+    ) {
+        for step in steps {
+            let (now, next) = ((step % 2) as usize, ((step + 1) % 2) as usize);
+            let arguments = 4 * ARGUMENTS_WORD as u64 + 12 * u64::from(step);
+            let push = NearestPush {
+                nodes: tree.nodes.address(),
+                clusters: buffers.clusters[now].address(),
+                partners: buffers.partners.address(),
+                block_counts: buffers.block_counts.address(),
+                super_counts: buffers.supers[now],
+                next_super_counts: buffers.supers[next],
+                state: buffers.state.address(),
+                bounds: bounds.address(),
+                step,
+                pad: 0,
+            };
+            pass.dispatch_indirect("nearest", &self.nearest, &push, &buffers.state, arguments);
+            let push = MergePush {
+                nodes: tree.nodes.address(),
+                clusters: buffers.clusters[now].address(),
+                next_clusters: buffers.clusters[next].address(),
+                partners: buffers.partners.address(),
+                block_counts: buffers.block_counts.address(),
+                super_counts: buffers.supers[now],
+                state: buffers.state.address(),
+                levels: tree.levels.address(),
+                step,
+                level_group: LEVEL_WORKGROUP,
+            };
+            pass.dispatch_indirect("merge", &self.merge, &push, &buffers.state, arguments);
+        }
+        let push = TailPush {
+            nodes: tree.nodes.address(),
+            clusters: [buffers.clusters[0].address(), buffers.clusters[1].address()],
+            state: buffers.state.address(),
+            levels: tree.levels.address(),
+            bounds: bounds.address(),
+        };
+        pass.dispatch("tail", &self.tail, &push, 1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn iterations_stay_below_the_number_of_levels_however_slow_the_clustering() {
+        for eighth in [0.0, 0.124, 0.126] {
+            let mut step = Step::first(1 << 27);
+            while step.clusters > 1 {
+                let left = if step.forced {
+                    step.clusters.div_ceil(2)
+                } else {
+                    // At least one pair is always mutual.
+                    (step.clusters - (step.clusters as f64 * eighth) as usize).min(step.clusters - 1)
+                };
+                step = step.after(left);
+            }
+            assert!((step.done as usize) < MAX_LEVELS, "{} iterations at {eighth}", step.done);
+        }
+    }
+}
