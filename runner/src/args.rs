@@ -54,6 +54,11 @@ pub enum Command {
     Rays(Rays),
     /// Trace rays from a file and time it
     Trace(Trace),
+    /// Show what each traversal kernel takes: registers, shared and local memory, as the driver tells it
+    Resources {
+        #[command(flatten)]
+        tuning: Tuning,
+    },
     /// Print the JSON Schema of the record
     Schema,
 }

@@ -11,12 +11,12 @@ use crate::{
     variant::Variant,
 };
 use anyhow::Context;
-use std::io::Write;
+use std::{io::Write, path::Path};
 use tracer::{
     gpu::Pass,
     path::{self, Camera, PathTracer},
-    scene::SearchPath,
-    traverse::{Buffers, Counts, Hit, Queue, Ray, Wave, cpu},
+    scene::{SearchPath, Source, built_in},
+    traverse::{Buffers, Counts, Hit, Queue, Ray, Traversal, Wave, cpu},
 };
 
 /// Prints to stdout; a reader that has gone away is no error.
@@ -71,16 +71,64 @@ pub fn devices(json: bool) -> anyhow::Result<()> {
 /// `runner scenes`.
 pub fn scenes(global: &Global) -> anyhow::Result<()> {
     let search = SearchPath::new(global.scene_dir.iter().cloned());
-    let mut rows = table(&["scene", "source", "licence", "state"]);
-    for entry in tracer::scene::list(&search)? {
-        rows.add_row([entry.name, entry.source, entry.licence, entry.state]);
+    let mut rows = table(&["scene", "title", "source", "licence", "state"]);
+    let mut missing = String::new();
+    for entry in built_in() {
+        let descriptor = entry.descriptor()?;
+        let (source, state) = match &descriptor.source {
+            Source::Generator { generator, .. } => (format!("generator {generator}"), "ready"),
+            Source::File { file, .. } if search.find(Path::new(file)).is_some() => (file.clone(), "found"),
+            Source::File { file, .. } => {
+                missing += &format!("\n{}: {}", entry.name, descriptor.get);
+                (file.clone(), "missing")
+            }
+        };
+        rows.add_row([entry.name, &descriptor.title, &source, &descriptor.licence, state]);
     }
-    print(&rows.to_string())
+    if !missing.is_empty() {
+        let folders: Vec<_> = search.folders().iter().map(|f| f.display().to_string()).collect();
+        missing = format!(
+            "\n\nLooked in {}. Put missing files there, or name their folder with --scene-dir or \
+             BROADLEAF_SCENES:{missing}",
+            folders.join(", ")
+        );
+    }
+    print(&format!("{rows}{missing}"))
 }
 
 /// `runner schema`.
 pub fn schema() -> anyhow::Result<()> {
     print(&serde_json::to_string_pretty(&record::json_schema())?)
+}
+
+/// `runner resources`.
+pub fn resources(global: &Global, tuning: &args::Tuning) -> anyhow::Result<()> {
+    let mut params = Params::default();
+    params.set(&tuning.set)?;
+    let session = Session::open(global)?;
+    let mut rows = table(&["variant", "rays", "workgroup", "statistic", "value"]);
+    for &variant in Variant::ALL {
+        let traversal = Traversal::new(&session.gpu, &params.trace, 0, false)?;
+        for wave in [Wave::Primary, Wave::Secondary] {
+            let kernel = traversal.kernel(wave);
+            for statistic in kernel.statistics() {
+                rows.add_row([
+                    variant.to_string(),
+                    format!("{wave:?}").to_lowercase(),
+                    kernel.workgroup_size().to_string(),
+                    statistic.name,
+                    statistic.value.to_string(),
+                ]);
+            }
+        }
+    }
+    if rows.is_empty() {
+        let name = &session.gpu.info().name;
+        return print(&format!(
+            "the driver of {name} does not tell: it lacks VK_KHR_pipeline_executable_properties"
+        ));
+    }
+    print(&rows.to_string())
 }
 
 /// A scene, its tree and a camera, as `render` and `rays` want them.
@@ -213,12 +261,8 @@ pub fn trace(global: &Global, trace: &args::Trace) -> anyhow::Result<()> {
     let hit_buffer = gpu.buffer("hits", size_of_val(rays.as_slice()) as u64 / 4)?;
     let start = Queue { count: rays.len() as u32, ..Queue::default() };
     let queue = gpu.upload("queue", &[start])?;
-    let buffers = Buffers {
-        rays: ray_buffer.address(),
-        hits: hit_buffer.address(),
-        queue: queue.address(),
-        counts: 0,
-    };
+    let buffers =
+        Buffers { rays: ray_buffer.address(), hits: hit_buffer.address(), queue: queue.address(), counts: 0 };
     let wave = if trace.primary { Wave::Primary } else { Wave::Secondary };
     let mut times = Vec::new();
     for launch in 0..=trace.launches {

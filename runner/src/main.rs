@@ -26,6 +26,7 @@ fn main() -> ExitCode {
         Command::Render(render) => commands::render(&cli.global, render),
         Command::Rays(rays) => commands::rays(&cli.global, rays),
         Command::Trace(trace) => commands::trace(&cli.global, trace),
+        Command::Resources { tuning } => commands::resources(&cli.global, tuning),
         Command::Schema => commands::schema(),
     };
     match result {

@@ -32,12 +32,16 @@ impl Params {
     pub fn set(&mut self, assignments: &[String]) -> anyhow::Result<()> {
         let mut tree = serde_json::to_value(&*self)?;
         for assignment in assignments {
-            let (name, text) =
-                assignment.split_once('=').with_context(|| format!("--set {assignment}: write NAME=VALUE"))?;
+            let (name, text) = assignment
+                .split_once('=')
+                .with_context(|| format!("--set {assignment}: write NAME=VALUE"))?;
             let Some(slot) = find(&mut tree, name.trim()).filter(|slot| !slot.is_object()) else {
                 let mut known = Vec::new();
                 leaves("", &tree, &mut known);
-                bail!("--set {assignment}: there is no parameter {name:?}; there are:\n  {}", known.join("\n  "));
+                bail!(
+                    "--set {assignment}: there is no parameter {name:?}; there are:\n  {}",
+                    known.join("\n  ")
+                );
             };
             let old = slot.clone();
             let text = text.trim();
@@ -46,7 +50,8 @@ impl Params {
                 bail!("--set {assignment}: {name} is of the kind of {old}, its default");
             }
         }
-        *self = serde_json::from_value(tree).with_context(|| format!("--set {}", assignments.join(" --set ")))?;
+        *self =
+            serde_json::from_value(tree).with_context(|| format!("--set {}", assignments.join(" --set ")))?;
         Ok(())
     }
 }

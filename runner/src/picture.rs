@@ -31,8 +31,7 @@ impl Picture {
             greatest: at(1.0),
             mean: costs.iter().map(|&c| f64::from(c)).sum::<f64>() / costs.len() as f64,
         };
-        let mut pixels: Vec<[u8; 3]> =
-            costs.iter().map(|&c| heat(c as f32 / scale.upper as f32)).collect();
+        let mut pixels: Vec<[u8; 3]> = costs.iter().map(|&c| heat(c as f32 / scale.upper as f32)).collect();
         let height = costs.len() / width;
         let (strip, digits) = ((height / 24).clamp(8, 24), (height / 60).clamp(1, 4));
         // The scale: a black line, the colours from 0 to the upper end, and the numbers at both ends.

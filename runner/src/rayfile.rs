@@ -91,16 +91,16 @@ fn read<const N: usize>(path: &Path, magic: &[u8; 4]) -> anyhow::Result<Vec<[u32
     }
     let count = u64::from_le_bytes(head[8..16].try_into().expect("eight bytes"));
     if count.checked_mul(4 * N as u64) != Some(body.len() as u64) {
-        bail!("{name}: says it holds {count} items, but {} bytes follow the head; it may be cut short", body.len());
+        bail!(
+            "{name}: says it holds {count} items, but {} bytes follow the head; it may be cut short",
+            body.len()
+        );
     }
     if count > u64::from(u32::MAX / 2) {
         bail!("{name}: {count} items are too many");
     }
     let word = |b: &[u8]| u32::from_le_bytes(b.try_into().expect("four bytes"));
-    Ok(body
-        .chunks_exact(4 * N)
-        .map(|item| std::array::from_fn(|i| word(&item[4 * i..4 * i + 4])))
-        .collect())
+    Ok(body.chunks_exact(4 * N).map(|item| std::array::from_fn(|i| word(&item[4 * i..4 * i + 4]))).collect())
 }
 
 #[cfg(test)]

@@ -17,8 +17,8 @@ use std::{collections::BTreeMap, path::Path};
 use tracer::{
     builder::BuildReport,
     gpu::{DeviceInfo, DeviceKind, shaders},
+    measure::tree::TreeStats,
     path::{self, Camera, PathTracer},
-    measure::TreeStats,
     scene::{Origin, Scene, View},
     traverse::Traversal,
 };
@@ -217,15 +217,15 @@ impl Measuring<'_> {
                 return Ok(None);
             }
             let measured = tracer.sample(timed, &planted.tree, &camera, sample)?;
-            let depths =
-                measured.waves.iter().map(|w| Launch { rays: w.rays, milliseconds: w.milliseconds });
+            let depths = measured.waves.iter().map(|w| Launch { rays: w.rays, milliseconds: w.milliseconds });
             samples.push(record::Sample { depths: depths.collect() });
             self.bar.inc(1);
         }
         let after = self.telemetry.sample();
         let mut counters = Counters::default();
         tracer.wavefronts(counting, &planted.tree, &camera, 0, |wave| {
-            let sum = |of: fn(&tracer::traverse::Counts) -> u32| wave.counts.iter().map(|c| u64::from(of(c))).sum();
+            let sum =
+                |of: fn(&tracer::traverse::Counts) -> u32| wave.counts.iter().map(|c| u64::from(of(c))).sum();
             if !wave.rays.is_empty() {
                 counters.depths.push(Count {
                     rays: wave.rays.len() as u64,

@@ -7,7 +7,7 @@ use tracer::{
     builder::{BuildReport, Builder},
     gpu::{Buffer, Gpu, Options},
     layout::binary::{Binary, BinaryNode},
-    measure::{TreeStats, stats},
+    measure::tree::{TreeStats, stats},
     path::DeviceScene,
     scene::{self, Scene, SearchPath},
     traverse::{Traversal, Tree},

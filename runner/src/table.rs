@@ -67,9 +67,7 @@ pub fn summary(record: &Record) -> String {
 fn phases(point: &Point, names: &[String]) -> Vec<String> {
     let mut row = vec![point.scene.name.clone(), point.variant.clone()];
     let means = point.build.mean_phases();
-    row.extend(
-        names.iter().map(|name| number(means.iter().find(|(n, _)| n == name).map(|(_, ms)| *ms))),
-    );
+    row.extend(names.iter().map(|name| number(means.iter().find(|(n, _)| n == name).map(|(_, ms)| *ms))));
     row
 }
 

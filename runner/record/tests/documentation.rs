@@ -14,11 +14,7 @@ fn blocks() -> BTreeMap<String, Value> {
         let value = serde_json::from_str(json).unwrap_or_else(|error| panic!("{place}: {error}"));
         blocks.insert(place.trim_end_matches('/').to_string(), value);
     }
-    assert_eq!(
-        blocks.len(),
-        PAGE.matches("```json").count(),
-        "a block without its place"
-    );
+    assert_eq!(blocks.len(), PAGE.matches("```json").count(), "a block without its place");
     blocks
 }
 
@@ -28,9 +24,7 @@ fn the_page_shows_the_example_and_all_of_it() {
     let blocks = blocks();
     assert!(blocks.contains_key("") && blocks.contains_key("/results/0"));
     for (place, shown) in &blocks {
-        let real = example
-            .pointer(place)
-            .unwrap_or_else(|| panic!("nothing at {place}"));
+        let real = example.pointer(place).unwrap_or_else(|| panic!("nothing at {place}"));
         let (shown, real) = (shown.as_object().unwrap(), real.as_object().unwrap());
         for (name, value) in shown {
             assert_eq!(real.get(name), Some(value), "{place}/{name}");
@@ -38,9 +32,7 @@ fn the_page_shows_the_example_and_all_of_it() {
         for name in real.keys().filter(|name| !shown.contains_key(*name)) {
             let field = format!("{place}/{name}");
             let elsewhere = blocks.keys().any(|place| {
-                place
-                    .strip_prefix(&field)
-                    .is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+                place.strip_prefix(&field).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
             });
             assert!(elsewhere, "{field} is explained nowhere");
         }

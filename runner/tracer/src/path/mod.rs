@@ -372,7 +372,8 @@ impl<'s> PathTracer<'s> {
             }
             self.record_trace(&mut pass, traversal, tree, depth);
             pass.submit()?;
-            let count = *self.rays_by_depth(traversal, depth + 1)?.last().expect("depth + 1 is not 0") as usize;
+            let count =
+                *self.rays_by_depth(traversal, depth + 1)?.last().expect("depth + 1 is not 0") as usize;
             let now = depth % 2;
             let paths: Vec<PathState> = self.paths[now].read(0, count)?;
             let mut sorted: Vec<usize> = (0..count).collect();

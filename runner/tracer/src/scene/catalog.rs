@@ -44,8 +44,7 @@ pub fn built_in() -> &'static [BuiltIn] {
 pub(super) fn by_hash(sha256: &str) -> Option<(&'static str, Descriptor)> {
     TABLE.iter().find_map(|entry| {
         let descriptor = entry.descriptor().ok()?;
-        let same =
-            matches!(&descriptor.source, Source::File { sha256: Some(hash), .. } if hash == sha256);
+        let same = matches!(&descriptor.source, Source::File { sha256: Some(hash), .. } if hash == sha256);
         same.then_some((entry.name, descriptor))
     })
 }
@@ -59,27 +58,17 @@ mod tests {
         for entry in built_in() {
             let d = entry.descriptor().unwrap();
             assert_eq!(d.views.len(), 8, "{}", entry.name);
-            assert!(
-                !d.title.is_empty() && !d.licence.is_empty() && !d.credit.is_empty(),
-                "{}",
-                entry.name
-            );
+            assert!(!d.title.is_empty() && !d.licence.is_empty() && !d.credit.is_empty(), "{}", entry.name);
             assert!(d.sky.is_some(), "{}", entry.name);
             let mut names: Vec<_> = d.views.iter().map(|view| &view.name).collect();
             names.sort();
             names.dedup();
             assert_eq!(names.len(), 8, "{}: view names repeat", entry.name);
             match d.source {
-                Source::File {
-                    sha256, triangles, ..
-                } => {
+                Source::File { sha256, triangles, .. } => {
                     assert_eq!(sha256.unwrap().len(), 64, "{}", entry.name);
                     assert!(triangles.is_some(), "{}", entry.name);
-                    assert!(
-                        d.get.contains("http"),
-                        "{}: where does a user get it?",
-                        entry.name
-                    );
+                    assert!(d.get.contains("http"), "{}: where does a user get it?", entry.name);
                 }
                 Source::Generator { generator, .. } => assert_eq!(generator.name(), entry.name),
             }
@@ -103,8 +92,7 @@ mod tests {
 
     #[test]
     fn a_file_is_recognised_by_its_hash() {
-        let (name, _) =
-            by_hash("428e7f634ce1e5dda00e4ddc05be6b92ddf80b791532ae8fc1aa4e6eb826f5db").unwrap();
+        let (name, _) = by_hash("428e7f634ce1e5dda00e4ddc05be6b92ddf80b791532ae8fc1aa4e6eb826f5db").unwrap();
         assert_eq!(name, "sponza");
         assert!(by_hash("00").is_none());
     }

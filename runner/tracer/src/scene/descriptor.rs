@@ -77,19 +77,13 @@ impl TryFrom<PlainSource> for Source {
 
     fn try_from(plain: PlainSource) -> Result<Self, String> {
         match (plain.file, plain.generator) {
-            (Some(file), None) if plain.seed.is_none() => Ok(Self::File {
-                file,
-                sha256: plain.sha256,
-                triangles: plain.triangles,
-            }),
+            (Some(file), None) if plain.seed.is_none() => {
+                Ok(Self::File { file, sha256: plain.sha256, triangles: plain.triangles })
+            }
             (Some(_), None) => Err("a source with 'file' takes no 'seed'".to_owned()),
             (None, Some(generator)) if plain.sha256.is_none() => {
                 let triangles = plain.triangles.unwrap_or(generator.default_triangles());
-                Ok(Self::Generator {
-                    generator,
-                    triangles,
-                    seed: plain.seed.unwrap_or(1),
-                })
+                Ok(Self::Generator { generator, triangles, seed: plain.seed.unwrap_or(1) })
             }
             (None, Some(_)) => Err("a source with 'generator' takes no 'sha256'".to_owned()),
             _ => Err("a source needs either 'file' or 'generator'".to_owned()),
@@ -100,21 +94,10 @@ impl TryFrom<PlainSource> for Source {
 impl From<Source> for PlainSource {
     fn from(source: Source) -> Self {
         match source {
-            Source::File {
-                file,
-                sha256,
-                triangles,
-            } => Self {
-                file: Some(file),
-                sha256,
-                triangles,
-                ..Self::default()
-            },
-            Source::Generator {
-                generator,
-                triangles,
-                seed,
-            } => Self {
+            Source::File { file, sha256, triangles } => {
+                Self { file: Some(file), sha256, triangles, ..Self::default() }
+            }
+            Source::Generator { generator, triangles, seed } => Self {
                 generator: Some(generator),
                 triangles: Some(triangles),
                 seed: Some(seed),
@@ -150,21 +133,13 @@ impl Descriptor {
     /// # Errors
     /// [`SceneError::Descriptor`] where the text is not such a descriptor, with the place and the reason.
     pub fn parse(path: &Path, text: &str) -> Result<Self, SceneError> {
-        let descriptor: Self = toml::from_str(text)
-            .map_err(|e| SceneError::descriptor(path, e.to_string().trim_end()))?;
-        super::views::check(&descriptor.views)
-            .map_err(|reason| SceneError::descriptor(path, reason))?;
+        let descriptor: Self =
+            toml::from_str(text).map_err(|e| SceneError::descriptor(path, e.to_string().trim_end()))?;
+        super::views::check(&descriptor.views).map_err(|reason| SceneError::descriptor(path, reason))?;
         let bright = descriptor.emissive.iter().flat_map(|e| e.radiance);
-        let sky = descriptor
-            .sky
-            .iter()
-            .flat_map(|sky| [sky.zenith, sky.horizon, sky.ground])
-            .flatten();
+        let sky = descriptor.sky.iter().flat_map(|sky| [sky.zenith, sky.horizon, sky.ground]).flatten();
         if bright.chain(sky).any(|x| !x.is_finite() || x < 0.0) {
-            return Err(SceneError::descriptor(
-                path,
-                "radiance must be finite and not negative",
-            ));
+            return Err(SceneError::descriptor(path, "radiance must be finite and not negative"));
         }
         Ok(descriptor)
     }
@@ -185,29 +160,14 @@ mod tests {
         let file = parse("[source]\nfile = 'a.glb'\nsha256 = '00'\n").unwrap();
         assert_eq!(
             file.source,
-            Source::File {
-                file: "a.glb".into(),
-                sha256: Some("00".into()),
-                triangles: None
-            }
+            Source::File { file: "a.glb".into(), sha256: Some("00".into()), triangles: None }
         );
         let made = parse("[source]\ngenerator = 'city'\nseed = 4\n").unwrap();
         let triangles = Generator::City.default_triangles();
-        assert_eq!(
-            made.source,
-            Source::Generator {
-                generator: Generator::City,
-                triangles,
-                seed: 4
-            }
-        );
-        for wrong in [
-            "",
-            "file = 'a'\ngenerator = 'city'",
-            "generator = 'town'",
-            "file = 'a'\nseed = 1",
-            "fle = 'a'",
-        ] {
+        assert_eq!(made.source, Source::Generator { generator: Generator::City, triangles, seed: 4 });
+        for wrong in
+            ["", "file = 'a'\ngenerator = 'city'", "generator = 'town'", "file = 'a'\nseed = 1", "fle = 'a'"]
+        {
             assert!(parse(&format!("[source]\n{wrong}\n")).is_err(), "{wrong}");
         }
     }
@@ -221,26 +181,18 @@ mod tests {
 
     #[test]
     fn errors_name_the_place() {
-        let message = parse("[source]\nfile = 'a'\n[[view]]\nname = 'x'\neye = [0, 0]\n")
+        let message =
+            parse("[source]\nfile = 'a'\n[[view]]\nname = 'x'\neye = [0, 0]\n").unwrap_err().to_string();
+        assert!(message.contains("x.toml") && message.contains("line"), "{message}");
+        let message = parse("[source]\nfile = 'a'\n[[emissive]]\nmaterial = 0\nradiance = [1,-2,3]\n")
             .unwrap_err()
             .to_string();
-        assert!(
-            message.contains("x.toml") && message.contains("line"),
-            "{message}"
-        );
-        let message =
-            parse("[source]\nfile = 'a'\n[[emissive]]\nmaterial = 0\nradiance = [1,-2,3]\n")
-                .unwrap_err()
-                .to_string();
         assert!(message.contains("negative"), "{message}");
     }
 
     #[test]
     fn toml_round_trip() {
         let d = parse("[source]\ngenerator = 'forest'\n[[view]]\nname = 'x'\neye = [0.0,1.0,2.0]\ntarget = [1.0,1.0,1.0]\nvfov_degrees = 40.0\n").unwrap();
-        assert_eq!(
-            Descriptor::parse(Path::new("y"), &toml::to_string(&d).unwrap()).unwrap(),
-            d
-        );
+        assert_eq!(Descriptor::parse(Path::new("y"), &toml::to_string(&d).unwrap()).unwrap(), d);
     }
 }

@@ -127,23 +127,14 @@ pub enum SceneError {
 
 impl SceneError {
     pub(crate) fn format(path: &Path, reason: impl Into<String>) -> Self {
-        Self::Format {
-            path: path.to_owned(),
-            reason: reason.into(),
-        }
+        Self::Format { path: path.to_owned(), reason: reason.into() }
     }
 
     pub(crate) fn descriptor(path: &Path, reason: impl Into<String>) -> Self {
-        Self::Descriptor {
-            path: path.to_owned(),
-            reason: reason.into(),
-        }
+        Self::Descriptor { path: path.to_owned(), reason: reason.into() }
     }
 
     pub(crate) fn spec(spec: &str, reason: impl Into<String>) -> Self {
-        Self::Spec {
-            spec: spec.to_owned(),
-            reason: reason.into(),
-        }
+        Self::Spec { spec: spec.to_owned(), reason: reason.into() }
     }
 }

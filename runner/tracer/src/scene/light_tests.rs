@@ -30,11 +30,7 @@ fn radiance(
         let material = &scene.materials[scene.material_ids[hit.triangle as usize] as usize];
         light += weight * Vec3::from_array(material.emission);
         weight *= Vec3::from_array(material.albedo);
-        let normal = if hit.normal.dot(direction) > 0.0 {
-            -hit.normal
-        } else {
-            hit.normal
-        };
+        let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
         let at = origin + hit.t * direction;
         origin = at + normal * (1e-4 * hit.t.max(at.length() * 0.1));
         direction = (normal + random.direction()).normalize_or(normal);
@@ -42,13 +38,7 @@ fn radiance(
     light
 }
 
-fn picture(
-    scene: &Scene,
-    probe: &Probe<'_>,
-    view: &View,
-    (w, h): (u32, u32),
-    samples: u32,
-) -> Vec<Vec3> {
+fn picture(scene: &Scene, probe: &Probe<'_>, view: &View, (w, h): (u32, u32), samples: u32) -> Vec<Vec3> {
     let (eye, target) = (Vec3::from_array(view.eye), Vec3::from_array(view.target));
     let forward = (target - eye).normalize();
     let right = forward.cross(Vec3::from_array(view.up)).normalize();
@@ -63,8 +53,7 @@ fn picture(
                 let x = ((i % w) as f32 + random.unit()) / w as f32 * 2.0 - 1.0;
                 let y = 1.0 - ((i / w) as f32 + random.unit()) / h as f32 * 2.0;
                 let direction =
-                    (forward + right * (x * half * w as f32 / h as f32) + up * (y * half))
-                        .normalize();
+                    (forward + right * (x * half * w as f32 / h as f32) + up * (y * half)).normalize();
                 sum += radiance(scene, probe, eye, direction, &mut random);
             }
             sum / samples as f32
@@ -106,42 +95,21 @@ fn light_reaches_every_view() {
             }
             Err(e) => panic!("{e}"),
         };
-        assert!(
-            scene.report.notes.is_empty(),
-            "{}: {:?}",
-            scene.name,
-            scene.report.notes
-        );
+        assert!(scene.report.notes.is_empty(), "{}: {:?}", scene.name, scene.report.notes);
         let probe = Probe::new(&scene.positions);
         for view in &scene.views {
-            let (size, samples) = if preview.is_some() {
-                ((144, 96), 24)
-            } else {
-                ((18, 12), 24)
-            };
+            let (size, samples) = if preview.is_some() { ((144, 96), 24) } else { ((18, 12), 24) };
             let pixels = picture(&scene, &probe, view, size, samples);
             if let Some(folder) = &preview {
-                write_preview(
-                    folder,
-                    &format!("{} {}", scene.name, view.name),
-                    size,
-                    &pixels,
-                );
+                write_preview(folder, &format!("{} {}", scene.name, view.name), size, &pixels);
             }
             let mean = pixels.iter().map(luminance).sum::<f32>() / pixels.len() as f32;
-            let black =
-                pixels.iter().filter(|p| luminance(p) < 0.01).count() as f32 / pixels.len() as f32;
+            let black = pixels.iter().filter(|p| luminance(p) < 0.01).count() as f32 / pixels.len() as f32;
             if preview.is_some() {
-                println!(
-                    "{} {}: mean {mean:.3}, black {black:.2}",
-                    scene.name, view.name
-                );
+                println!("{} {}: mean {mean:.3}, black {black:.2}", scene.name, view.name);
             }
             if !(0.12..4.0).contains(&mean) || black > 0.12 {
-                dark.push(format!(
-                    "{} {}: mean {mean:.3}, black {black:.2}",
-                    scene.name, view.name
-                ));
+                dark.push(format!("{} {}: mean {mean:.3}, black {black:.2}", scene.name, view.name));
             }
         }
     }

@@ -11,9 +11,7 @@ use super::descriptor::{Descriptor, MaterialKey, Source};
 use super::generate::MAX_REQUEST;
 use super::search::{SearchPath, listed};
 use super::views;
-use super::{
-    Geometry, LoadReport, MAX_TRIANGLES, Material, Origin, Provenance, Scene, SceneError, Sky,
-};
+use super::{Geometry, LoadReport, MAX_TRIANGLES, Material, Origin, Provenance, Scene, SceneError, Sky};
 
 /// Loads what a user names on the command line:
 ///
@@ -28,20 +26,11 @@ use super::{
 /// Any [`SceneError`]; each says what the user can do.
 pub fn load(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
     let started = Instant::now();
-    let mut scene = if is_path(spec) {
-        load_path(Path::new(spec))
-    } else {
-        load_named(spec, search)
-    }?;
+    let mut scene = if is_path(spec) { load_path(Path::new(spec)) } else { load_named(spec, search) }?;
     scene.report.degenerate = scene
         .positions
         .par_chunks(1 << 14)
-        .map(|chunk| {
-            chunk
-                .iter()
-                .filter(|triangle| is_degenerate(triangle))
-                .count() as u64
-        })
+        .map(|chunk| chunk.iter().filter(|triangle| is_degenerate(triangle)).count() as u64)
         .sum();
     scene.report.seconds = started.elapsed().as_secs_f64();
     Ok(scene)
@@ -52,15 +41,10 @@ pub fn load(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
 ///
 /// # Errors
 /// [`SceneError::UnknownScene`] where there is none, [`SceneError::Descriptor`] where it cannot be read.
-pub fn describe(
-    name: &str,
-    search: &SearchPath,
-) -> Result<(Descriptor, Option<PathBuf>), SceneError> {
+pub fn describe(name: &str, search: &SearchPath) -> Result<(Descriptor, Option<PathBuf>), SceneError> {
     if let Some(path) = search.find(Path::new(&format!("{name}.toml"))) {
-        let text = std::fs::read_to_string(&path).map_err(|source| SceneError::Read {
-            path: path.clone(),
-            source,
-        })?;
+        let text = std::fs::read_to_string(&path)
+            .map_err(|source| SceneError::Read { path: path.clone(), source })?;
         return Ok((Descriptor::parse(&path, &text)?, Some(path)));
     }
     let known = catalog::built_in();
@@ -68,11 +52,7 @@ pub fn describe(
         Some(entry) => Ok((entry.descriptor()?, None)),
         None => Err(SceneError::UnknownScene {
             name: name.to_owned(),
-            known: known
-                .iter()
-                .map(|entry| entry.name)
-                .collect::<Vec<_>>()
-                .join(", "),
+            known: known.iter().map(|entry| entry.name).collect::<Vec<_>>().join(", "),
             looked_in: listed(search.folders().iter().map(PathBuf::as_path)),
         }),
     }
@@ -80,17 +60,11 @@ pub fn describe(
 
 /// What a surface is made of where the file does not say.
 pub(super) fn default_material() -> Material {
-    Material {
-        name: String::new(),
-        albedo: [0.7; 3],
-        emission: [0.0; 3],
-    }
+    Material { name: String::new(), albedo: [0.7; 3], emission: [0.0; 3] }
 }
 
 fn extension(path: &Path) -> String {
-    path.extension()
-        .map(|e| e.to_string_lossy().to_lowercase())
-        .unwrap_or_default()
+    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
 fn is_path(spec: &str) -> bool {
@@ -120,52 +94,24 @@ fn load_named(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
     let (descriptor, found_at) = describe(name, search)?;
     let mut report = LoadReport::default();
     let (mut geometry, origin) = match descriptor.source {
-        Source::Generator {
-            generator,
-            mut triangles,
-            mut seed,
-        } => {
+        Source::Generator { generator, mut triangles, mut seed } => {
             parse_parameters(spec, parameters, &mut triangles, &mut seed)?;
             let geometry = generator.generate(triangles, seed);
-            (
-                geometry,
-                Origin::Generated {
-                    generator,
-                    triangles,
-                    seed,
-                },
-            )
+            (geometry, Origin::Generated { generator, triangles, seed })
         }
-        Source::File {
-            ref file,
-            ref sha256,
-            ..
-        } => {
+        Source::File { ref file, ref sha256, .. } => {
             if parameters.is_some() {
                 let reason = format!("'{name}' is a file and takes no parameters; generators do");
                 return Err(SceneError::spec(spec, reason));
             }
             let path = find_file(name, file, &descriptor, found_at.as_deref(), search)?;
             let (geometry, found) = read_model(&path, &mut report)?;
-            if let Some(expected) = sha256
-                .as_ref()
-                .filter(|expected| !expected.eq_ignore_ascii_case(&found))
+            if let Some(expected) = sha256.as_ref().filter(|expected| !expected.eq_ignore_ascii_case(&found))
             {
                 let (name, expected) = (name.to_owned(), expected.clone());
-                return Err(SceneError::WrongHash {
-                    name,
-                    path,
-                    found,
-                    expected,
-                });
+                return Err(SceneError::WrongHash { name, path, found, expected });
             }
-            (
-                geometry,
-                Origin::File {
-                    path,
-                    sha256: found,
-                },
-            )
+            (geometry, Origin::File { path, sha256: found })
         }
     };
     light(&mut geometry.materials, &descriptor, &mut report);
@@ -181,11 +127,7 @@ fn load_named(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
         materials: geometry.materials,
         views,
         sky: descriptor.sky.unwrap_or_default(),
-        provenance: Provenance {
-            origin,
-            licence: descriptor.licence,
-            credit: descriptor.credit,
-        },
+        provenance: Provenance { origin, licence: descriptor.licence, credit: descriptor.credit },
         report,
     })
 }
@@ -198,17 +140,17 @@ fn parse_parameters(
 ) -> Result<(), SceneError> {
     for pair in parameters.iter().flat_map(|list| list.split(',')) {
         let (key, value) = pair.split_once('=').ok_or_else(|| {
-            SceneError::spec(
-                spec,
-                format!("'{pair}' is not key=value (triangles=…, seed=…)"),
-            )
+            SceneError::spec(spec, format!("'{pair}' is not key=value (triangles=…, seed=…)"))
         })?;
         match key.trim() {
             "triangles" => {
-                *triangles = parse_count(value.trim()).filter(|n| (1..=MAX_REQUEST).contains(n)).ok_or_else(|| {
-                    let reason = format!("triangles must be a number from 1 to {MAX_REQUEST}, such as 50000 or 1e6");
-                    SceneError::spec(spec, reason)
-                })?;
+                *triangles =
+                    parse_count(value.trim()).filter(|n| (1..=MAX_REQUEST).contains(n)).ok_or_else(|| {
+                        let reason = format!(
+                            "triangles must be a number from 1 to {MAX_REQUEST}, such as 50000 or 1e6"
+                        );
+                        SceneError::spec(spec, reason)
+                    })?;
             }
             "seed" => {
                 let wrong = |_| SceneError::spec(spec, "seed must be a whole number");
@@ -230,8 +172,7 @@ fn parse_count(text: &str) -> Option<u64> {
     let plain = text.replace('_', "");
     plain.parse().ok().or_else(|| {
         let value: f64 = plain.parse().ok()?;
-        (value.is_finite() && value >= 0.0 && value.fract() == 0.0 && value <= 1e15)
-            .then_some(value as u64)
+        (value.is_finite() && value >= 0.0 && value.fract() == 0.0 && value <= 1e15).then_some(value as u64)
     })
 }
 
@@ -243,24 +184,16 @@ fn find_file(
     search: &SearchPath,
 ) -> Result<PathBuf, SceneError> {
     let beside = found_at.and_then(Path::parent);
-    let beside_file = beside
-        .map(|folder| folder.join(file))
-        .filter(|path| path.is_file());
-    beside_file
-        .or_else(|| search.find(Path::new(file)))
-        .ok_or_else(|| SceneError::MissingFile {
-            name: name.to_owned(),
-            file: file.to_owned(),
-            looked_in: listed(
-                beside
-                    .into_iter()
-                    .chain(search.folders().iter().map(PathBuf::as_path)),
-            ),
-            get: match descriptor.get.trim().trim_end_matches('.') {
-                "" => "The descriptor does not say where to get it".to_owned(),
-                sentence => sentence.to_owned(),
-            },
-        })
+    let beside_file = beside.map(|folder| folder.join(file)).filter(|path| path.is_file());
+    beside_file.or_else(|| search.find(Path::new(file))).ok_or_else(|| SceneError::MissingFile {
+        name: name.to_owned(),
+        file: file.to_owned(),
+        looked_in: listed(beside.into_iter().chain(search.folders().iter().map(PathBuf::as_path))),
+        get: match descriptor.get.trim().trim_end_matches('.') {
+            "" => "The descriptor does not say where to get it".to_owned(),
+            sentence => sentence.to_owned(),
+        },
+    })
 }
 
 fn load_path(path: &Path) -> Result<Scene, SceneError> {
@@ -269,9 +202,7 @@ fn load_path(path: &Path) -> Result<Scene, SceneError> {
     let beside = views::beside(path)?;
     let known = catalog::by_hash(&sha256);
     if let Some((name, descriptor)) = &known {
-        report.notes.push(format!(
-            "the file is that of scene '{name}': its sky and lights are used"
-        ));
+        report.notes.push(format!("the file is that of scene '{name}': its sky and lights are used"));
         light(&mut geometry.materials, descriptor, &mut report);
     }
     let views = match (beside, &known) {
@@ -279,34 +210,19 @@ fn load_path(path: &Path) -> Result<Scene, SceneError> {
         (None, Some((_, descriptor))) => descriptor.views.clone(),
         (None, None) => views::place(&geometry.positions),
     };
-    let sky = known
-        .as_ref()
-        .and_then(|(_, descriptor)| descriptor.sky)
-        .unwrap_or_default();
+    let sky = known.as_ref().and_then(|(_, descriptor)| descriptor.sky).unwrap_or_default();
     if known.is_none() && geometry.materials.iter().all(|m| m.emission == [0.0; 3]) {
         glow_if_dark(&mut geometry, &views, &mut report);
     }
-    let (licence, credit) = known
-        .map(|(_, d)| (d.licence, d.credit))
-        .unwrap_or_default();
+    let (licence, credit) = known.map(|(_, d)| (d.licence, d.credit)).unwrap_or_default();
     Ok(Scene {
-        name: path
-            .file_stem()
-            .map(|stem| stem.to_string_lossy().into_owned())
-            .unwrap_or_default(),
+        name: path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default(),
         positions: geometry.positions,
         material_ids: geometry.material_ids,
         materials: geometry.materials,
         views,
         sky,
-        provenance: Provenance {
-            origin: Origin::File {
-                path: path.to_owned(),
-                sha256,
-            },
-            licence,
-            credit,
-        },
+        provenance: Provenance { origin: Origin::File { path: path.to_owned(), sha256 }, licence, credit },
         report,
     })
 }
@@ -331,20 +247,11 @@ fn glow_if_dark(geometry: &mut Geometry, views: &[super::View], report: &mut Loa
 fn read_model(path: &Path, report: &mut LoadReport) -> Result<(Geometry, String), SceneError> {
     let kind = extension(path);
     if !matches!(kind.as_str(), "glb" | "gltf" | "obj") {
-        let feature = if kind.is_empty() {
-            "a file without extension".to_owned()
-        } else {
-            format!(".{kind} files")
-        };
-        return Err(SceneError::Unsupported {
-            path: path.to_owned(),
-            feature,
-        });
+        let feature =
+            if kind.is_empty() { "a file without extension".to_owned() } else { format!(".{kind} files") };
+        return Err(SceneError::Unsupported { path: path.to_owned(), feature });
     }
-    let bytes = std::fs::read(path).map_err(|source| SceneError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
+    let bytes = std::fs::read(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
     let (geometry, sha256) = rayon::join(
         || {
             if kind == "obj" {
@@ -358,25 +265,16 @@ fn read_model(path: &Path, report: &mut LoadReport) -> Result<(Geometry, String)
     let geometry = geometry?;
     if geometry.positions.is_empty() {
         let skipped = report.non_finite + report.out_of_range + report.skipped_primitives;
-        let reason = if skipped > 0 {
-            format!(" that can be used ({skipped} were skipped)")
-        } else {
-            String::new()
-        };
-        return Err(SceneError::Empty {
-            path: path.to_owned(),
-            reason,
-        });
+        let reason =
+            if skipped > 0 { format!(" that can be used ({skipped} were skipped)") } else { String::new() };
+        return Err(SceneError::Empty { path: path.to_owned(), reason });
     }
     debug_assert!(geometry.positions.len() as u64 <= MAX_TRIANGLES);
     Ok((geometry, sha256))
 }
 
 fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes)
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Makes materials emit as the descriptor says.
@@ -435,17 +333,10 @@ mod tests {
     #[test]
     fn parameters_reach_the_generator() {
         let scene = load("cornell:triangles=3000,seed=9", &nowhere()).unwrap();
-        let expected = Origin::Generated {
-            generator: super::super::Generator::Cornell,
-            triangles: 3000,
-            seed: 9,
-        };
+        let expected =
+            Origin::Generated { generator: super::super::Generator::Cornell, triangles: 3000, seed: 9 };
         assert_eq!(scene.provenance.origin, expected);
-        assert!(
-            (2400..3600).contains(&scene.positions.len()),
-            "{}",
-            scene.positions.len()
-        );
+        assert!((2400..3600).contains(&scene.positions.len()), "{}", scene.positions.len());
     }
 
     #[test]
@@ -469,27 +360,15 @@ mod tests {
 
     #[test]
     fn a_missing_file_says_where_it_was_looked_for_and_where_to_get_it() {
-        let message = load("sponza", &SearchPath::only([PathBuf::from("/nowhere")]))
-            .unwrap_err()
-            .to_string();
-        for part in [
-            "/nowhere",
-            "sponza.glb",
-            "http",
-            "--scene-dir",
-            "BROADLEAF_SCENES",
-        ] {
+        let message = load("sponza", &SearchPath::only([PathBuf::from("/nowhere")])).unwrap_err().to_string();
+        for part in ["/nowhere", "sponza.glb", "http", "--scene-dir", "BROADLEAF_SCENES"] {
             assert!(message.contains(part), "{part}: {message}");
         }
     }
 
     #[test]
     fn the_sky_runs_from_horizon_to_zenith() {
-        let sky = Sky {
-            zenith: [2.0; 3],
-            horizon: [1.0; 3],
-            ground: [0.0; 3],
-        };
+        let sky = Sky { zenith: [2.0; 3], horizon: [1.0; 3], ground: [0.0; 3] };
         assert_eq!(sky.radiance([0.0, 5.0, 0.0]), [2.0; 3]);
         assert_eq!(sky.radiance([5.0, 0.0, 0.0]), [1.0; 3]);
         assert_eq!(sky.radiance([1.0, -0.1, 0.0]), [0.0; 3]);

@@ -108,11 +108,7 @@ pub struct Sky {
 impl Default for Sky {
     /// A bright overcast day, with some light from below so that no side of a lone object is black.
     fn default() -> Self {
-        Self {
-            zenith: [0.9, 1.0, 1.2],
-            horizon: [1.0, 1.0, 1.0],
-            ground: [0.35, 0.33, 0.30],
-        }
+        Self { zenith: [0.9, 1.0, 1.2], horizon: [1.0, 1.0, 1.0], ground: [0.35, 0.33, 0.30] }
     }
 }
 
@@ -192,18 +188,10 @@ pub(crate) fn bounds(triangles: &[[[f32; 3]; 3]]) -> ([f32; 3], [f32; 3]) {
     use rayon::prelude::*;
     const NONE: ([f32; 3], [f32; 3]) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     let merge = |a: ([f32; 3], [f32; 3]), b: ([f32; 3], [f32; 3])| {
-        (
-            std::array::from_fn(|k| a.0[k].min(b.0[k])),
-            std::array::from_fn(|k| a.1[k].max(b.1[k])),
-        )
+        (std::array::from_fn(|k| a.0[k].min(b.0[k])), std::array::from_fn(|k| a.1[k].max(b.1[k])))
     };
     triangles
         .par_chunks(1 << 14)
-        .map(|chunk| {
-            chunk
-                .iter()
-                .flatten()
-                .fold(NONE, |sum, &corner| merge(sum, (corner, corner)))
-        })
+        .map(|chunk| chunk.iter().flatten().fold(NONE, |sum, &corner| merge(sum, (corner, corner))))
         .reduce(|| NONE, merge)
 }

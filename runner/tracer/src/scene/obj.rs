@@ -10,19 +10,11 @@ use std::path::Path;
 use super::{Geometry, LoadReport, MAX_TRIANGLES, Material, SceneError};
 
 /// Reads the file whose bytes are given; MTL files are looked for beside `path`.
-pub(super) fn load(
-    path: &Path,
-    bytes: &[u8],
-    report: &mut LoadReport,
-) -> Result<Geometry, SceneError> {
+pub(super) fn load(path: &Path, bytes: &[u8], report: &mut LoadReport) -> Result<Geometry, SceneError> {
     let thin = thinned(&String::from_utf8_lossy(bytes), report);
     let folder = path.parent().unwrap_or(Path::new(""));
-    let options = tobj::LoadOptions {
-        triangulate: true,
-        single_index: true,
-        ignore_points: true,
-        ignore_lines: true,
-    };
+    let options =
+        tobj::LoadOptions { triangulate: true, single_index: true, ignore_points: true, ignore_lines: true };
     let mut missing = std::cell::RefCell::new(Vec::new());
     let (models, materials) = tobj::load_obj_buf(&mut thin.as_bytes(), &options, |name| {
         let loaded = match std::fs::File::open(folder.join(name)) {
@@ -30,9 +22,7 @@ pub(super) fn load(
             Err(_) => Err(tobj::LoadError::OpenFileFailed),
         };
         if let Err(e) = &loaded {
-            missing
-                .borrow_mut()
-                .push(format!("materials of {} are not used: {e}", name.display()));
+            missing.borrow_mut().push(format!("materials of {} are not used: {e}", name.display()));
         }
         loaded
     })
@@ -59,8 +49,7 @@ pub(super) fn load(
                 let start = i as usize * 3;
                 mesh.positions.get(start..start + 3)?.try_into().ok()
             };
-            let (Some(a), Some(b), Some(c)) =
-                (corner(corners[0]), corner(corners[1]), corner(corners[2]))
+            let (Some(a), Some(b), Some(c)) = (corner(corners[0]), corner(corners[1]), corner(corners[2]))
             else {
                 report.out_of_range += 1;
                 continue;
@@ -74,11 +63,7 @@ pub(super) fn load(
         }
         if geometry.positions.len() as u64 > MAX_TRIANGLES {
             let triangles = geometry.positions.len() as u64;
-            return Err(SceneError::TooLarge {
-                path: path.to_owned(),
-                triangles,
-                limit: MAX_TRIANGLES,
-            });
+            return Err(SceneError::TooLarge { path: path.to_owned(), triangles, limit: MAX_TRIANGLES });
         }
     }
     if used_default {
@@ -89,24 +74,14 @@ pub(super) fn load(
 
 fn material(material: &tobj::Material) -> Material {
     let unit = |value: f32| {
-        if value.is_finite() {
-            value.clamp(0.0, 1.0)
-        } else {
-            0.5
-        }
+        if value.is_finite() { value.clamp(0.0, 1.0) } else { 0.5 }
     };
     let radiance = |value: f32| {
-        if value.is_finite() {
-            value.max(0.0)
-        } else {
-            0.0
-        }
+        if value.is_finite() { value.max(0.0) } else { 0.0 }
     };
     Material {
         name: material.name.clone(),
-        albedo: material
-            .diffuse
-            .map_or(super::load::default_material().albedo, |kd| kd.map(unit)),
+        albedo: material.diffuse.map_or(super::load::default_material().albedo, |kd| kd.map(unit)),
         emission: material.emissive.map_or([0.0; 3], |ke| ke.map(radiance)),
     }
 }
@@ -154,12 +129,7 @@ fn thinned(text: &str, report: &mut LoadReport) -> String {
     thin
 }
 
-fn face<'a>(
-    words: impl Iterator<Item = &'a str>,
-    vertices: i64,
-    thin: &mut String,
-    report: &mut LoadReport,
-) {
+fn face<'a>(words: impl Iterator<Item = &'a str>, vertices: i64, thin: &mut String, report: &mut LoadReport) {
     let start = thin.len();
     thin.push('f');
     let mut corners = 0;
@@ -171,11 +141,7 @@ fn face<'a>(
                 let _ = write!(thin, " {index}");
             }
             Ok(i) => {
-                let absolute = if i < 0 {
-                    i.saturating_add(vertices).saturating_add(1)
-                } else {
-                    i
-                };
+                let absolute = if i < 0 { i.saturating_add(vertices).saturating_add(1) } else { i };
                 if absolute < 1 || absolute > vertices {
                     thin.truncate(start);
                     report.out_of_range += 1;
@@ -208,15 +174,10 @@ mod tests {
 
     #[test]
     fn triangles_quads_polygons_and_relative_indices() {
-        let (geometry, report) = read(&format!(
-            "{SQUARE}f 1 2 3\nf 1/9/9 2//9 3 4\nf -4 -3 -2 -1 \\\n 1\n"
-        ));
+        let (geometry, report) = read(&format!("{SQUARE}f 1 2 3\nf 1/9/9 2//9 3 4\nf -4 -3 -2 -1 \\\n 1\n"));
         let geometry = geometry.unwrap();
         assert_eq!(geometry.positions.len(), 1 + 2 + 3);
-        assert_eq!(
-            geometry.positions[0],
-            [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]
-        );
+        assert_eq!(geometry.positions[0], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]);
         assert_eq!(geometry.positions[3], geometry.positions[1]);
         assert_eq!(geometry.materials.len(), 1);
         assert!(report.is_clean(), "{report:?}");
@@ -228,14 +189,7 @@ mod tests {
             "{SQUARE}v nan 0 0\nv 0 inf 0\nf 1 2 9\nf 0 1 2\nf -9 1 2\nf 1 2 5\nf 1 2 6\nf 1 2 3\np 1\nl 1 2\nf 1 2\n"
         ));
         assert_eq!(geometry.unwrap().positions.len(), 1);
-        assert_eq!(
-            (
-                report.out_of_range,
-                report.non_finite,
-                report.skipped_primitives
-            ),
-            (3, 2, 3)
-        );
+        assert_eq!((report.out_of_range, report.non_finite, report.skipped_primitives), (3, 2, 3));
     }
 
     #[test]
@@ -251,19 +205,10 @@ mod tests {
         );
         let mut report = LoadReport::default();
         let geometry = load(&folder.path().join("x.obj"), text.as_bytes(), &mut report).unwrap();
-        let used: Vec<&Material> = geometry
-            .material_ids
-            .iter()
-            .map(|&id| &geometry.materials[id as usize])
-            .collect();
-        assert_eq!(
-            (used[0].albedo, used[0].emission),
-            ([1.0, 0.0, 0.0], [5.0, 6.0, 7.0])
-        );
-        assert_eq!(
-            (used[1].albedo, used[1].emission),
-            ([0.8, 0.1, 0.1], [0.0; 3])
-        );
+        let used: Vec<&Material> =
+            geometry.material_ids.iter().map(|&id| &geometry.materials[id as usize]).collect();
+        assert_eq!((used[0].albedo, used[0].emission), ([1.0, 0.0, 0.0], [5.0, 6.0, 7.0]));
+        assert_eq!((used[1].albedo, used[1].emission), ([0.8, 0.1, 0.1], [0.0; 3]));
         assert_eq!(*used[2], super::super::load::default_material());
     }
 
@@ -271,22 +216,13 @@ mod tests {
     fn a_missing_material_file_is_noted() {
         let (geometry, report) = read(&format!("mtllib gone.mtl\n{SQUARE}usemtl a\nf 1 2 3\n"));
         assert_eq!(geometry.unwrap().positions.len(), 1);
-        assert!(
-            report.notes.iter().any(|note| note.contains("gone.mtl")),
-            "{report:?}"
-        );
+        assert!(report.notes.iter().any(|note| note.contains("gone.mtl")), "{report:?}");
     }
 
     #[test]
     fn nonsense_is_an_error_or_empty() {
         assert!(read("v a b c\nf 1 1 1\n").0.is_err());
         assert!(read("v 0 0 0\nf x y z\n").0.is_err());
-        assert!(
-            read("\u{0}\u{1}garbage\n\n")
-                .0
-                .unwrap()
-                .positions
-                .is_empty()
-        );
+        assert!(read("\u{0}\u{1}garbage\n\n").0.unwrap().positions.is_empty());
     }
 }

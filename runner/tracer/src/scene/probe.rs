@@ -55,11 +55,7 @@ impl<'a> Probe<'a> {
             })
             .collect();
         let root = (!order.is_empty()).then(|| build(triangles, &mut order, 0));
-        Self {
-            triangles,
-            order,
-            root,
-        }
+        Self { triangles, order, root }
     }
 
     /// The nearest hit farther than `min` along the ray.
@@ -81,24 +77,16 @@ impl<'a> Probe<'a> {
                             intersect(corners, origin, direction).filter(|&t| t > min && t < limit)
                         {
                             limit = t;
-                            let normal = (corners[1] - corners[0])
-                                .cross(corners[2] - corners[0])
-                                .normalize_or_zero();
-                            best = Some(Hit {
-                                t,
-                                triangle: item.triangle,
-                                normal,
-                            });
+                            let normal =
+                                (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
+                            best = Some(Hit { t, triangle: item.triangle, normal });
                         }
                     }
                 }
                 Kind::Pair(pair) => {
                     let [a, b] = &**pair;
                     let enter = |tree: &Subtree| {
-                        let (x, y) = (
-                            (tree.low - origin) * inverse,
-                            (tree.high - origin) * inverse,
-                        );
+                        let (x, y) = ((tree.low - origin) * inverse, (tree.high - origin) * inverse);
                         let near = x.min(y).max_element().max(0.0);
                         (near <= x.max(y).min_element()).then_some(near)
                     };
@@ -121,22 +109,11 @@ impl<'a> Probe<'a> {
 fn build(triangles: &[[[f32; 3]; 3]], items: &mut [Item], start: usize) -> Subtree {
     if items.len() <= LEAF {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for corner in items
-            .iter()
-            .flat_map(|item| triangles[item.triangle as usize])
-            .map(Vec3::from_array)
-        {
+        for corner in items.iter().flat_map(|item| triangles[item.triangle as usize]).map(Vec3::from_array) {
             low = low.min(corner);
             high = high.max(corner);
         }
-        return Subtree {
-            low,
-            high,
-            kind: Kind::Leaf {
-                start,
-                end: start + items.len(),
-            },
-        };
+        return Subtree { low, high, kind: Kind::Leaf { start, end: start + items.len() } };
     }
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for item in items.iter() {
@@ -144,33 +121,19 @@ fn build(triangles: &[[[f32; 3]; 3]], items: &mut [Item], start: usize) -> Subtr
         high = high.max(Vec3::from_array(item.centre));
     }
     let size = high - low;
-    let axis = (0..3)
-        .max_by(|&a, &b| size[a].total_cmp(&size[b]))
-        .unwrap_or(0);
+    let axis = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b])).unwrap_or(0);
     let middle = items.len() / 2;
     items.select_nth_unstable_by(middle, |a, b| {
-        a.centre[axis]
-            .total_cmp(&b.centre[axis])
-            .then(a.triangle.cmp(&b.triangle))
+        a.centre[axis].total_cmp(&b.centre[axis]).then(a.triangle.cmp(&b.triangle))
     });
     let large = items.len() > PARALLEL;
     let (left, right) = items.split_at_mut(middle);
     let (a, b) = if large {
-        rayon::join(
-            || build(triangles, left, start),
-            || build(triangles, right, start + middle),
-        )
+        rayon::join(|| build(triangles, left, start), || build(triangles, right, start + middle))
     } else {
-        (
-            build(triangles, left, start),
-            build(triangles, right, start + middle),
-        )
+        (build(triangles, left, start), build(triangles, right, start + middle))
     };
-    Subtree {
-        low: a.low.min(b.low),
-        high: a.high.max(b.high),
-        kind: Kind::Pair(Box::new([a, b])),
-    }
+    Subtree { low: a.low.min(b.low), high: a.high.max(b.high), kind: Kind::Pair(Box::new([a, b])) }
 }
 
 /// Möller and Trumbore's test; good enough for asking.

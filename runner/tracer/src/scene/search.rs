@@ -20,9 +20,7 @@ impl SearchPath {
 
     /// Only these folders: neither the environment nor the working directory is asked.
     pub fn only(folders: impl IntoIterator<Item = PathBuf>) -> Self {
-        Self {
-            folders: folders.into_iter().collect(),
-        }
+        Self { folders: folders.into_iter().collect() }
     }
 
     fn from_parts(
@@ -31,9 +29,7 @@ impl SearchPath {
     ) -> Self {
         let mut folders: Vec<PathBuf> = scene_dirs.into_iter().collect();
         if let Some(list) = environment {
-            folders.extend(
-                std::env::split_paths(list).filter(|folder| !folder.as_os_str().is_empty()),
-            );
+            folders.extend(std::env::split_paths(list).filter(|folder| !folder.as_os_str().is_empty()));
         }
         folders.push(PathBuf::from("scenes"));
         Self { folders }
@@ -45,25 +41,15 @@ impl SearchPath {
     }
 
     /// The first file of that name.
-    pub(crate) fn find(&self, file: &Path) -> Option<PathBuf> {
-        self.folders
-            .iter()
-            .map(|folder| folder.join(file))
-            .find(|path| path.is_file())
+    pub fn find(&self, file: &Path) -> Option<PathBuf> {
+        self.folders.iter().map(|folder| folder.join(file)).find(|path| path.is_file())
     }
 }
 
 /// A list of folders for a message.
 pub(crate) fn listed<'a>(folders: impl IntoIterator<Item = &'a Path>) -> String {
-    let text: Vec<String> = folders
-        .into_iter()
-        .map(|folder| folder.display().to_string())
-        .collect();
-    if text.is_empty() {
-        "(no folder)".to_owned()
-    } else {
-        text.join(", ")
-    }
+    let text: Vec<String> = folders.into_iter().map(|folder| folder.display().to_string()).collect();
+    if text.is_empty() { "(no folder)".to_owned() } else { text.join(", ") }
 }
 
 #[cfg(test)]
@@ -74,10 +60,7 @@ mod tests {
     fn options_come_before_the_environment_and_the_working_directory() {
         let list = std::env::join_paths(["/b", "/c"]).unwrap();
         let path = SearchPath::from_parts([PathBuf::from("/a")], Some(&list));
-        assert_eq!(
-            path.folders(),
-            ["/a", "/b", "/c", "scenes"].map(PathBuf::from)
-        );
+        assert_eq!(path.folders(), ["/a", "/b", "/c", "scenes"].map(PathBuf::from));
     }
 
     #[test]
@@ -86,15 +69,9 @@ mod tests {
         let second = tempfile::tempdir().unwrap();
         std::fs::write(second.path().join("x.glb"), b"").unwrap();
         let path = SearchPath::only([first.path().to_owned(), second.path().to_owned()]);
-        assert_eq!(
-            path.find(Path::new("x.glb")),
-            Some(second.path().join("x.glb"))
-        );
+        assert_eq!(path.find(Path::new("x.glb")), Some(second.path().join("x.glb")));
         std::fs::write(first.path().join("x.glb"), b"").unwrap();
-        assert_eq!(
-            path.find(Path::new("x.glb")),
-            Some(first.path().join("x.glb"))
-        );
+        assert_eq!(path.find(Path::new("x.glb")), Some(first.path().join("x.glb")));
         assert_eq!(path.find(Path::new("y.glb")), None);
     }
 }

@@ -34,10 +34,7 @@ pub(super) fn beside(model: &Path) -> Result<Option<Vec<View>>, SceneError> {
     let views: Vec<View> =
         serde_json::from_slice(&text).map_err(|e| SceneError::descriptor(&path, e.to_string()))?;
     if views.is_empty() {
-        return Err(SceneError::descriptor(
-            &path,
-            "it holds no views; remove it to have them placed",
-        ));
+        return Err(SceneError::descriptor(&path, "it holds no views; remove it to have them placed"));
     }
     check(&views).map_err(|reason| SceneError::descriptor(&path, reason))?;
     Ok(Some(views))
@@ -71,11 +68,7 @@ pub fn place(triangles: &[[[f32; 3]; 3]]) -> Vec<View> {
     let probe = Probe::new(triangles);
     let (low, high) = core_box(triangles);
     let diagonal = (high - low).length();
-    let diagonal = if diagonal > 0.0 && diagonal.is_finite() {
-        diagonal
-    } else {
-        1.0
-    };
+    let diagonal = if diagonal > 0.0 && diagonal.is_finite() { diagonal } else { 1.0 };
     let centre = (low + high) / 2.0;
 
     let mut around = Vec::new();
@@ -83,30 +76,21 @@ pub fn place(triangles: &[[[f32; 3]; 3]]) -> Vec<View> {
         for k in 0..12 {
             let yaw = TAU * k as f32 / 12.0 + elevation;
             let direction = look(yaw, elevation);
-            let target = centre
-                + if distance < 1.0 {
-                    0.12 * diagonal * look(yaw + 1.0, 0.4)
-                } else {
-                    Vec3::ZERO
-                };
+            let target =
+                centre + if distance < 1.0 { 0.12 * diagonal * look(yaw + 1.0, 0.4) } else { Vec3::ZERO };
             let fit = 0.5 * diagonal / (FOV_DEGREES.to_radians() / 2.0).tan();
             around.push((target + distance * fit * direction, target));
         }
     }
-    let mut candidates: Vec<Candidate> = around
-        .into_par_iter()
-        .map(|(eye, target)| judge(&probe, eye, target, diagonal))
-        .collect();
+    let mut candidates: Vec<Candidate> =
+        around.into_par_iter().map(|(eye, target)| judge(&probe, eye, target, diagonal)).collect();
 
     let random = Random::new(0x5eed);
     let inside: Vec<(Candidate, bool)> = (0..INSIDE_POINTS)
         .into_par_iter()
         .filter_map(|i| inside_candidate(&probe, &mut random.fork(i), low, high, diagonal))
         .collect();
-    let enclosed = inside
-        .iter()
-        .filter(|(candidate, enclosed)| *enclosed && candidate.score > 0.1)
-        .count();
+    let enclosed = inside.iter().filter(|(candidate, enclosed)| *enclosed && candidate.score > 0.1).count();
     if enclosed >= COUNT && enclosed * 3 >= inside.len() {
         // A closed interior: from outside there is only its shell.
         candidates.clear();
@@ -137,11 +121,7 @@ pub(super) fn share_that_sees_sky(probe: &Probe<'_>, views: &[View]) -> f32 {
                 out += 1;
                 continue;
             };
-            let normal = if hit.normal.dot(direction) > 0.0 {
-                -hit.normal
-            } else {
-                hit.normal
-            };
+            let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
             let bounce = (normal + random.direction()).normalize_or(normal);
             let start = eye + hit.t * direction + 1e-4 * hit.t * normal;
             out += u32::from(probe.hit(start, bounce, 1e-4 * hit.t).is_none());
@@ -161,22 +141,14 @@ fn core_box(triangles: &[[[f32; 3]; 3]]) -> (Vec3, Vec3) {
     let mut low = Vec3::ZERO;
     let mut high = Vec3::ZERO;
     for axis in 0..3 {
-        let mut values: Vec<f32> = triangles
-            .iter()
-            .step_by(step)
-            .flatten()
-            .map(|corner| corner[axis])
-            .collect();
+        let mut values: Vec<f32> =
+            triangles.iter().step_by(step).flatten().map(|corner| corner[axis]).collect();
         values.sort_unstable_by(f32::total_cmp);
         low[axis] = values[values.len() / 100];
         high[axis] = values[values.len() - 1 - values.len() / 100];
     }
     // A flat direction may be lost to outliers elsewhere; never return an empty box.
-    if (high - low).max_element() > 0.0 {
-        (low, high)
-    } else {
-        (all_low, all_high)
-    }
+    if (high - low).max_element() > 0.0 { (low, high) } else { (all_low, all_high) }
 }
 
 #[derive(Clone, Copy)]
@@ -187,11 +159,7 @@ struct Candidate {
 }
 
 fn look(yaw: f32, pitch: f32) -> Vec3 {
-    Vec3::new(
-        yaw.cos() * pitch.cos(),
-        pitch.sin(),
-        yaw.sin() * pitch.cos(),
-    )
+    Vec3::new(yaw.cos() * pitch.cos(), pitch.sin(), yaw.sin() * pitch.cos())
 }
 
 /// Directions of a coarse picture.
@@ -223,9 +191,7 @@ fn judge(probe: &Probe<'_>, eye: Vec3, target: Vec3, diagonal: f32) -> Candidate
     }
     let mut score = 0.0;
     if hits > 0.0 {
-        let spread = (squares / hits - (sum / hits) * (sum / hits))
-            .max(0.0)
-            .sqrt();
+        let spread = (squares / hits - (sum / hits) * (sum / hits)).max(0.0).sqrt();
         let seen = (hits / rays / 0.6).min(1.0);
         let front = 1.0 - back / hits;
         score = seen * (0.2 + spread.min(1.0)) * (1.0 - near / rays).powi(3) * front * front;
@@ -244,9 +210,7 @@ fn inside_candidate(
     let size = high - low;
     let at = low + size * Vec3::new(random.unit(), random.range(0.05, 0.95), random.unit());
     let eye = match probe.hit(at, Vec3::NEG_Y, 0.0) {
-        Some(floor) => {
-            at - Vec3::Y * (floor.t - (0.35 * floor.t).clamp(0.03 * diagonal, 0.12 * diagonal))
-        }
+        Some(floor) => at - Vec3::Y * (floor.t - (0.35 * floor.t).clamp(0.03 * diagonal, 0.12 * diagonal)),
         None => at,
     };
     let (mut hits, mut back) = (0, 0);
@@ -268,10 +232,7 @@ fn inside_candidate(
     let start = random.unit() * TAU;
     (0..TURNS)
         .map(|k| {
-            let direction = look(
-                start + TAU * k as f32 / TURNS as f32,
-                random.range(-0.2, 0.05),
-            );
+            let direction = look(start + TAU * k as f32 / TURNS as f32, random.range(-0.2, 0.05));
             judge(probe, eye, eye + 0.2 * diagonal * direction, diagonal)
         })
         .max_by(|a, b| a.score.total_cmp(&b.score))
@@ -293,9 +254,7 @@ fn choose(candidates: Vec<Candidate>, diagonal: f32) -> Vec<Candidate> {
                 .fold(1.0, f32::min);
             c.score * (difference + 0.02)
         };
-        let Some(best) =
-            (0..left.len()).max_by(|&a, &b| worth(&left[a]).total_cmp(&worth(&left[b])))
-        else {
+        let Some(best) = (0..left.len()).max_by(|&a, &b| worth(&left[a]).total_cmp(&worth(&left[b]))) else {
             break;
         };
         chosen.push(left.swap_remove(best));
@@ -316,10 +275,7 @@ mod tests {
             .filter_map(|d| probe.hit(eye, d, 0.0))
             .map(|hit| hit.t)
             .collect();
-        (
-            hits.len() as f32 / (GRID.0 * GRID.1) as f32,
-            hits.iter().copied().fold(f32::INFINITY, f32::min),
-        )
+        (hits.len() as f32 / (GRID.0 * GRID.1) as f32, hits.iter().copied().fold(f32::INFINITY, f32::min))
     }
 
     #[test]
@@ -334,10 +290,7 @@ mod tests {
             for view in &views {
                 let (share, nearest) = seen(&triangles, view);
                 assert!(share > 0.1, "{generator:?} {view:?} sees {share}");
-                assert!(
-                    nearest > 0.002 * diagonal,
-                    "{generator:?} {view:?} stares at {nearest}"
-                );
+                assert!(nearest > 0.002 * diagonal, "{generator:?} {view:?} stares at {nearest}");
             }
         }
     }
@@ -356,16 +309,11 @@ mod tests {
     #[test]
     fn a_solid_is_looked_at_from_outside() {
         let ball: Vec<[[f32; 3]; 3]> = {
-            let at = |i: u32, j: u32| {
-                look(TAU * i as f32 / 24.0, PI * (j as f32 / 12.0 - 0.5)).to_array()
-            };
+            let at = |i: u32, j: u32| look(TAU * i as f32 / 24.0, PI * (j as f32 / 12.0 - 0.5)).to_array();
             (0..24)
                 .flat_map(|i| (0..12).map(move |j| (i, j)))
                 .flat_map(|(i, j)| {
-                    [
-                        [at(i, j), at(i, j + 1), at(i + 1, j)],
-                        [at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)],
-                    ]
+                    [[at(i, j), at(i, j + 1), at(i + 1, j)], [at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]]
                 })
                 .collect()
         };

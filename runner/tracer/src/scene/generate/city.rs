@@ -80,10 +80,7 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
     // Each window gets one of two neighbouring levels of detail, so that the mean meets the budget.
     let windows: u64 = buildings.iter().map(Building::windows).sum();
     let mean = left as f64 / windows as f64;
-    let level = (1..WINDOW.len() - 1)
-        .rev()
-        .find(|&level| WINDOW[level] as f64 <= mean)
-        .unwrap_or(0);
+    let level = (1..WINDOW.len() - 1).rev().find(|&level| WINDOW[level] as f64 <= mean).unwrap_or(0);
     let share = ((mean - WINDOW[level] as f64) / (WINDOW[level + 1] - WINDOW[level]) as f64) as f32;
     // Past the finest window, bricks of the walls take what is left.
     let beyond = (mean - WINDOW[WINDOW.len() - 1] as f64).max(0.0);
@@ -92,14 +89,7 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
     let mut parts = vec![streets];
     parts.par_extend(buildings.par_iter().enumerate().map(|(i, building)| {
         let mut mesh = Mesh::default();
-        raise(
-            &mut mesh,
-            building,
-            random.fork(1000 + i as u64),
-            level,
-            share.min(1.0),
-            bricks,
-        );
+        raise(&mut mesh, building, random.fork(1000 + i as u64), level, share.min(1.0), bricks);
         mesh
     }));
     let mut geometry = assemble(parts, materials);
@@ -151,20 +141,11 @@ fn buildings(random: &Random, per_side: i32) -> Vec<Building> {
             let width = lot - gap;
             let floors = 3 + random.below(6);
             let size = Vec3::new(width, floors as f32 * 3.2 + 1.0, width);
-            let corner = Vec3::new(
-                x + 2.0 + (i % per_side) as f32 * lot,
-                0.15,
-                z + 2.0 + (i / per_side) as f32 * lot,
-            );
+            let corner =
+                Vec3::new(x + 2.0 + (i % per_side) as f32 * lot, 0.15, z + 2.0 + (i / per_side) as f32 * lot);
             let columns = [(width / 2.2) as u32, (width / 2.2) as u32];
             let wall = WALLS[random.below(WALLS.len() as u32) as usize];
-            all.push(Building {
-                corner,
-                size,
-                wall,
-                floors,
-                columns,
-            });
+            all.push(Building { corner, size, wall, floors, columns });
         }
     }
     all
@@ -173,23 +154,10 @@ fn buildings(random: &Random, per_side: i32) -> Vec<Building> {
 fn lay_streets(mesh: &mut Mesh) {
     let half = BLOCKS as f32 * PITCH / 2.0;
     let cells = (8, 8);
-    mesh.grid(
-        Vec3::new(-half, 0.0, -half),
-        2.0 * half * Vec3::Z,
-        2.0 * half * Vec3::X,
-        cells,
-        ASPHALT,
-    );
+    mesh.grid(Vec3::new(-half, 0.0, -half), 2.0 * half * Vec3::Z, 2.0 * half * Vec3::X, cells, ASPHALT);
     let inner = PITCH - STREET;
     for (x, z) in block_corners() {
-        mesh.cuboid(
-            Vec3::new(x, 0.0, z),
-            inner * Vec3::X,
-            0.15 * Vec3::Y,
-            inner * Vec3::Z,
-            false,
-            PAVEMENT,
-        );
+        mesh.cuboid(Vec3::new(x, 0.0, z), inner * Vec3::X, 0.15 * Vec3::Y, inner * Vec3::Z, false, PAVEMENT);
     }
 }
 
@@ -207,22 +175,13 @@ fn park(mesh: &mut Mesh, random: &mut Random, index: u64) {
             Vec3::new(street + side + across, height, along + forward)
         }
     };
-    let (ahead, across) = (
-        place(1.0, 0.0, 0.0) - place(0.0, 0.0, 0.0),
-        place(0.0, 1.0, 0.0) - place(0.0, 0.0, 0.0),
-    );
+    let (ahead, across) =
+        (place(1.0, 0.0, 0.0) - place(0.0, 0.0, 0.0), place(0.0, 1.0, 0.0) - place(0.0, 0.0, 0.0));
     let colour = CARS[random.below(3) as usize];
     let mut part = |from: [f32; 3], size: [f32; 3], bottom: bool, material: u32| {
         let origin = place(from[0], from[1], from[2]);
         // across × up = ahead, whichever way the car stands.
-        mesh.cuboid(
-            origin,
-            across * size[1],
-            Vec3::Y * size[2],
-            ahead * size[0],
-            bottom,
-            material,
-        );
+        mesh.cuboid(origin, across * size[1], Vec3::Y * size[2], ahead * size[0], bottom, material);
     };
     part([-2.1, -0.85, 0.3], [4.2, 1.7, 0.6], false, colour);
     part([-1.2, -0.75, 0.9], [2.2, 1.5, 0.5], false, GLASS);
@@ -247,35 +206,14 @@ fn lamp(mesh: &mut Mesh, index: u64, lamps: u64) {
         _ => (0.6, 0.6 + inner - along),
     };
     let foot = Vec3::new(block.0 + x, 0.15, block.1 + z);
-    let rings: Vec<Vec<Vec3>> = [0.0, 4.5]
-        .map(|y| ring(foot + Vec3::Y * y, 0.08 * Vec3::X, -0.08 * Vec3::Z, 6))
-        .into();
+    let rings: Vec<Vec<Vec3>> =
+        [0.0, 4.5].map(|y| ring(foot + Vec3::Y * y, 0.08 * Vec3::X, -0.08 * Vec3::Z, 6)).into();
     mesh.tube(&rings, METAL);
-    let plate = |size: f32| {
-        (
-            Vec3::new(-size / 2.0, 0.0, -size / 2.0),
-            size * Vec3::X,
-            size * Vec3::Z,
-        )
-    };
+    let plate = |size: f32| (Vec3::new(-size / 2.0, 0.0, -size / 2.0), size * Vec3::X, size * Vec3::Z);
     let (corner, x, z) = plate(0.4);
-    mesh.cuboid(
-        foot + corner + Vec3::Y * 4.5,
-        x,
-        0.5 * Vec3::Y,
-        z,
-        false,
-        FRAME,
-    );
+    mesh.cuboid(foot + corner + Vec3::Y * 4.5, x, 0.5 * Vec3::Y, z, false, FRAME);
     let (corner, x, z) = plate(0.6);
-    mesh.cuboid(
-        foot + corner + Vec3::Y * 5.0,
-        x,
-        0.12 * Vec3::Y,
-        z,
-        false,
-        METAL,
-    );
+    mesh.cuboid(foot + corner + Vec3::Y * 5.0, x, 0.12 * Vec3::Y, z, false, METAL);
 }
 
 fn raise(mesh: &mut Mesh, b: &Building, mut random: Random, level: usize, share: f32, bricks: u32) {
@@ -312,14 +250,7 @@ fn window(mesh: &mut Mesh, corner: Vec3, right: Vec3, out: Vec3, level: usize) {
     let mut bar = |from: [f32; 2], size: [f32; 2], depth: f32, material: u32| {
         let origin = corner + right * from[0] + Vec3::Y * from[1];
         // The face against the wall is not made.
-        mesh.cuboid(
-            origin,
-            right * size[0],
-            out * depth,
-            -Vec3::Y * -size[1],
-            false,
-            material,
-        );
+        mesh.cuboid(origin, right * size[0], out * depth, -Vec3::Y * -size[1], false, material);
     };
     if level >= 2 {
         bar([-0.15, -0.12], [width + 0.3, 0.12], 0.25, STONE);
@@ -332,12 +263,7 @@ fn window(mesh: &mut Mesh, corner: Vec3, right: Vec3, out: Vec3, level: usize) {
     }
     if level >= 4 {
         for k in 1..=3 {
-            bar(
-                [0.0, height * k as f32 / 4.0 - 0.015],
-                [width / 2.0 - 0.03, 0.03],
-                0.05,
-                FRAME,
-            );
+            bar([0.0, height * k as f32 / 4.0 - 0.015], [width / 2.0 - 0.03, 0.03], 0.05, FRAME);
             bar(
                 [width / 2.0 + 0.03, height * k as f32 / 4.0 - 0.015],
                 [width / 2.0 - 0.03, 0.03],
@@ -353,25 +279,11 @@ fn window(mesh: &mut Mesh, corner: Vec3, right: Vec3, out: Vec3, level: usize) {
         for k in 0..22 {
             let x = width * k as f32 / 21.0;
             let origin = corner + right * (x - 0.01) + out * 0.18;
-            mesh.cuboid(
-                origin,
-                right * 0.02,
-                out * 0.02,
-                Vec3::Y * 0.7,
-                false,
-                METAL,
-            );
+            mesh.cuboid(origin, right * 0.02, out * 0.02, Vec3::Y * 0.7, false, METAL);
         }
         for y in [0.08, 0.7] {
             let origin = corner + Vec3::Y * y + out * 0.17;
-            mesh.cuboid(
-                origin,
-                right * width,
-                out * 0.04,
-                Vec3::Y * 0.03,
-                false,
-                METAL,
-            );
+            mesh.cuboid(origin, right * width, out * 0.04, Vec3::Y * 0.03, false, METAL);
         }
     }
     if level >= 1 {
@@ -382,27 +294,12 @@ fn window(mesh: &mut Mesh, corner: Vec3, right: Vec3, out: Vec3, level: usize) {
 }
 
 /// One of `count` raised bricks between two windows.
-fn lay_brick(
-    mesh: &mut Mesh,
-    corner: Vec3,
-    right: Vec3,
-    out: Vec3,
-    width: f32,
-    index: u32,
-    count: u32,
-) {
+fn lay_brick(mesh: &mut Mesh, corner: Vec3, right: Vec3, out: Vec3, width: f32, index: u32, count: u32) {
     let columns = ((count as f32 / 4.0).sqrt().ceil() as u32).max(1);
     let rows = count.div_ceil(columns);
     let (w, h) = (width / columns as f32, 3.0 / rows as f32);
     let at = corner
         + right * (1.15 + w * (index % columns) as f32)
         + Vec3::Y * (h * (index / columns) as f32 - 0.8);
-    mesh.cuboid(
-        at,
-        right * (0.85 * w),
-        out * 0.015,
-        Vec3::Y * (0.85 * h),
-        false,
-        STONE,
-    );
+    mesh.cuboid(at, right * (0.85 * w), out * 0.015, Vec3::Y * (0.85 * h), false, STONE);
 }

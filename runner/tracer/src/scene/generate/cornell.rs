@@ -24,18 +24,10 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
     let (mut small, mut large) = (1e-4f32, 4.0f32);
     for _ in 0..60 {
         let middle = (small * large).sqrt();
-        if count(&surfaces, middle) > triangles {
-            small = middle
-        } else {
-            large = middle
-        }
+        if count(&surfaces, middle) > triangles { small = middle } else { large = middle }
     }
     let nearer = |size: f32| count(&surfaces, size).abs_diff(triangles);
-    let size = if nearer(small) < nearer(large) {
-        small
-    } else {
-        large
-    };
+    let size = if nearer(small) < nearer(large) { small } else { large };
     let mut mesh = Mesh::default();
     for &(origin, u, v, material) in &surfaces {
         mesh.grid(origin, u, v, cells(u, v, size), material);
@@ -68,22 +60,14 @@ fn surfaces(seed: u64) -> Vec<Surface> {
         (corner + z, y, x, 0),
         (corner, y, z, 1),
         (corner + x, z, y, 2),
-        (
-            Vec3::new(-0.45, 1.985, -0.45),
-            0.9 * Vec3::X,
-            0.9 * Vec3::Z,
-            5,
-        ),
+        (Vec3::new(-0.45, 1.985, -0.45), 0.9 * Vec3::X, 0.9 * Vec3::Z, 5),
     ];
     let mut random = Random::new(seed);
     let mut block = |centre: Vec3, width: f32, height: f32, angle: f32, material: u32| {
         let angle = angle + random.range(-0.12, 0.12);
         let height = height * random.range(0.95, 1.05);
         let (sin, cos) = angle.sin_cos();
-        let (u, w) = (
-            Vec3::new(cos, 0.0, -sin) * width,
-            Vec3::new(sin, 0.0, cos) * width,
-        );
+        let (u, w) = (Vec3::new(cos, 0.0, -sin) * width, Vec3::new(sin, 0.0, cos) * width);
         let h = Vec3::Y * height;
         let low = centre - (u + w) / 2.0;
         all.extend([

@@ -33,14 +33,11 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
     let trees = ((14.0 * (triangles as f64 / 1000.0).powf(0.42)) as u64).clamp(8, 600);
 
     let mut parts = vec![ground(cells)];
-    let tree_parts = plant(&random, trees)
-        .into_par_iter()
-        .enumerate()
-        .map(|(i, foot)| {
-            // Spread the remainder so that the sum is exact.
-            let budget = left * (i as u64 + 1) / trees - left * i as u64 / trees;
-            tree(random.fork(i as u64), foot, budget)
-        });
+    let tree_parts = plant(&random, trees).into_par_iter().enumerate().map(|(i, foot)| {
+        // Spread the remainder so that the sum is exact.
+        let budget = left * (i as u64 + 1) / trees - left * i as u64 / trees;
+        tree(random.fork(i as u64), foot, budget)
+    });
     parts.par_extend(tree_parts);
     let chunks: Vec<u64> = (0..grass).step_by(1 << 14).collect();
     parts.par_extend(chunks.into_par_iter().map(|first| {
@@ -57,8 +54,7 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
 
 /// Height of the ground; almost level on the path.
 fn height(x: f32, z: f32) -> f32 {
-    let hills =
-        (0.13 * x).sin() * (0.11 * z + 0.5).cos() + 0.4 * (0.31 * x + 1.0).sin() * (0.27 * z).sin();
+    let hills = (0.13 * x).sin() * (0.11 * z + 0.5).cos() + 0.4 * (0.31 * x + 1.0).sin() * (0.27 * z).sin();
     let off_path = (z.abs() / 8.0).min(1.0);
     1.1 * hills * (0.15 + 0.85 * off_path)
 }
@@ -70,13 +66,7 @@ fn on_ground(x: f32, z: f32) -> Vec3 {
 fn ground(cells: u32) -> Mesh {
     let mut mesh = Mesh::default();
     let corner = Vec3::new(-HALF, 0.0, -HALF);
-    mesh.grid(
-        corner,
-        2.0 * HALF * Vec3::Z,
-        2.0 * HALF * Vec3::X,
-        (cells, cells),
-        GROUND,
-    );
+    mesh.grid(corner, 2.0 * HALF * Vec3::Z, 2.0 * HALF * Vec3::X, (cells, cells), GROUND);
     for corner in mesh.triangles.iter_mut().flatten() {
         corner[1] = height(corner[0], corner[2]);
     }
@@ -90,9 +80,8 @@ fn plant(random: &Random, trees: u64) -> Vec<Vec3> {
     let rows = trees.div_ceil(columns);
     (0..trees)
         .map(|i| {
-            let shaken = |k: u64, n: u64, r: &mut Random| {
-                ((k as f32 + r.range(0.15, 0.85)) / n as f32) * 2.0 - 1.0
-            };
+            let shaken =
+                |k: u64, n: u64, r: &mut Random| ((k as f32 + r.range(0.15, 0.85)) / n as f32) * 2.0 - 1.0;
             let x = shaken(i % columns, columns, &mut random) * (HALF - 1.0);
             let mut z = shaken(i / columns, rows, &mut random) * (HALF - 1.0);
             if z.abs() < PATH + 0.8 {
@@ -109,16 +98,8 @@ fn tree(mut random: Random, foot: Vec3, budget: u64) -> Mesh {
     let tall = random.range(6.0, 10.0);
     let thick = 0.022 * tall * random.range(0.8, 1.3);
     let lean = Vec3::new(random.range(-0.08, 0.08), 1.0, random.range(-0.08, 0.08)).normalize();
-    let sides = if budget < 400 {
-        3
-    } else {
-        (4 + budget / 1000).min(10) as u32
-    };
-    let steps = if budget < 400 {
-        1
-    } else {
-        (2 + budget / 600).min(12) as u32
-    };
+    let sides = if budget < 400 { 3 } else { (4 + budget / 1000).min(10) as u32 };
+    let steps = if budget < 400 { 1 } else { (2 + budget / 600).min(12) as u32 };
     let trunk: Vec<Vec<Vec3>> = (0..=steps)
         .map(|k| {
             let s = k as f32 / steps as f32;
@@ -144,8 +125,8 @@ fn tree(mut random: Random, foot: Vec3, budget: u64) -> Mesh {
         let (u, v) = out.any_orthonormal_pair();
         let middle = start + out * (0.5 * length);
         let end = start + out * length + Vec3::Y * (0.15 * length);
-        let rings = [(start, 1.0), (middle, 0.7), (end, 0.25)]
-            .map(|(p, k)| ring(p, u * (r * k), v * (r * k), 3));
+        let rings =
+            [(start, 1.0), (middle, 0.7), (end, 0.25)].map(|(p, k)| ring(p, u * (r * k), v * (r * k), 3));
         mesh.tube(&rings, BARK);
         twigs.push((end, 0.28 * length + 0.25));
         twigs.push((middle, 0.22 * length + 0.2));
@@ -153,21 +134,13 @@ fn tree(mut random: Random, foot: Vec3, budget: u64) -> Mesh {
 
     let leaves = (budget.saturating_sub(mesh.triangles.len() as u64) / 2).max(1);
     let size = (2.6 / (leaves as f32).sqrt()).clamp(0.02, 0.5);
-    let colour = LEAVES[if random.below(6) == 0 {
-        2
-    } else {
-        random.below(2) as usize
-    }];
+    let colour = LEAVES[if random.below(6) == 0 { 2 } else { random.below(2) as usize }];
     for _ in 0..leaves {
         let (centre, spread) = twigs[random.below(twigs.len() as u32) as usize];
         let at = centre + random.direction() * spread * random.unit().cbrt();
         let (u, v) = random.direction().any_orthonormal_pair();
         let (u, v) = (u * size * random.range(0.6, 1.0), v * size * 0.55);
-        let colour = if random.below(4) == 0 {
-            LEAVES[random.below(2) as usize]
-        } else {
-            colour
-        };
+        let colour = if random.below(4) == 0 { LEAVES[random.below(2) as usize] } else { colour };
         mesh.quad([at - u, at - v, at + u, at + v], colour);
     }
     mesh

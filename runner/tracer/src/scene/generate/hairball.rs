@@ -35,14 +35,7 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
     parts.par_extend(chunks.into_par_iter().map(|first| {
         let mut mesh = Mesh::default();
         for index in first..(first + 64).min(strands) {
-            strand(
-                &mut mesh,
-                random.fork(index),
-                index,
-                strands,
-                segments,
-                radius,
-            );
+            strand(&mut mesh, random.fork(index), index, strands, segments, radius);
         }
         mesh
     }));
@@ -60,13 +53,7 @@ fn core(cells: u32, material: u32) -> Mesh {
         (Vec3::Z, Vec3::X),
         (Vec3::X, Vec3::Z),
     ] {
-        mesh.grid(
-            u.cross(v) - u - v,
-            2.0 * u,
-            2.0 * v,
-            (cells, cells),
-            material,
-        );
+        mesh.grid(u.cross(v) - u - v, 2.0 * u, 2.0 * v, (cells, cells), material);
     }
     for corner in mesh.triangles.iter_mut().flatten() {
         *corner = (Vec3::from_array(*corner).normalize() * CORE).to_array();
@@ -74,21 +61,14 @@ fn core(cells: u32, material: u32) -> Mesh {
     mesh
 }
 
-fn strand(
-    mesh: &mut Mesh,
-    mut random: Random,
-    index: u64,
-    strands: u64,
-    segments: u32,
-    radius: f32,
-) {
+fn strand(mesh: &mut Mesh, mut random: Random, index: u64, strands: u64, segments: u32, radius: f32) {
     // Roots spread evenly: a Fibonacci sphere, a little shaken.
     let y = 1.0 - (2.0 * index as f32 + 1.0) / strands as f32;
     let angle = index as f32 * 2.399_963;
     let flat = (1.0 - y * y).max(0.0).sqrt();
     let shake = 0.3 / (strands as f32).sqrt();
-    let root = (Vec3::new(flat * angle.cos(), y, flat * angle.sin()) + shake * random.direction())
-        .normalize();
+    let root =
+        (Vec3::new(flat * angle.cos(), y, flat * angle.sin()) + shake * random.direction()).normalize();
 
     let axis = random.direction();
     let wave = random.direction();
@@ -101,15 +81,9 @@ fn strand(
     let mut rings = Vec::with_capacity(segments as usize + 1);
     for k in 0..=segments {
         let s = k as f32 / segments as f32;
-        side = (side - direction * side.dot(direction))
-            .normalize_or(direction.any_orthonormal_vector());
+        side = (side - direction * side.dot(direction)).normalize_or(direction.any_orthonormal_vector());
         let thin = radius * (1.0 - 0.85 * s);
-        rings.push(ring(
-            point,
-            side * thin,
-            direction.cross(side) * thin,
-            SIDES,
-        ));
+        rings.push(ring(point, side * thin, direction.cross(side) * thin, SIDES));
         // Curl around an axis, and lean back where the strand leaves the ball.
         let out = point.length();
         let pull = -point * (out - 0.75).max(0.0) * 6.0;

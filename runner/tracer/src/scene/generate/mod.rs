@@ -38,13 +38,7 @@ pub enum Generator {
 
 impl Generator {
     /// Every generator.
-    pub const ALL: [Self; 5] = [
-        Self::Cornell,
-        Self::Sphereflake,
-        Self::Hairball,
-        Self::City,
-        Self::Forest,
-    ];
+    pub const ALL: [Self; 5] = [Self::Cornell, Self::Sphereflake, Self::Hairball, Self::City, Self::Forest];
 
     /// The name in descriptors, which is also that of the built-in scene.
     pub fn name(self) -> &'static str {
@@ -89,11 +83,7 @@ impl fmt::Display for Generator {
 }
 
 fn material(name: &str, albedo: [f32; 3]) -> Material {
-    Material {
-        name: name.to_owned(),
-        albedo,
-        emission: [0.0; 3],
-    }
+    Material { name: name.to_owned(), albedo, emission: [0.0; 3] }
 }
 
 /// Triangles of one part, before the parts are put together.
@@ -105,8 +95,7 @@ struct Mesh {
 
 impl Mesh {
     fn triangle(&mut self, a: Vec3, b: Vec3, c: Vec3, material: u32) {
-        self.triangles
-            .push([a.to_array(), b.to_array(), c.to_array()]);
+        self.triangles.push([a.to_array(), b.to_array(), c.to_array()]);
         self.materials.push(material);
     }
 
@@ -121,10 +110,7 @@ impl Mesh {
         let at = |i: u32, j: u32| origin + u * (i as f32 / nu as f32) + v * (j as f32 / nv as f32);
         for j in 0..nv {
             for i in 0..nu {
-                self.quad(
-                    [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)],
-                    material,
-                );
+                self.quad([at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)], material);
             }
         }
     }
@@ -138,14 +124,8 @@ impl Mesh {
                 + if i & 2 > 0 { y } else { Vec3::ZERO }
                 + if i & 4 > 0 { z } else { Vec3::ZERO }
         };
-        const FACES: [[u32; 4]; 6] = [
-            [4, 5, 7, 6],
-            [1, 0, 2, 3],
-            [5, 1, 3, 7],
-            [0, 4, 6, 2],
-            [6, 7, 3, 2],
-            [0, 1, 5, 4],
-        ];
+        const FACES: [[u32; 4]; 6] =
+            [[4, 5, 7, 6], [1, 0, 2, 3], [5, 1, 3, 7], [0, 4, 6, 2], [6, 7, 3, 2], [0, 1, 5, 4]];
         for face in &FACES[..if bottom { 6 } else { 5 }] {
             self.quad(face.map(at), material);
         }
@@ -177,11 +157,8 @@ fn ring(centre: Vec3, u: Vec3, v: Vec3, sides: u32) -> Vec<Vec3> {
 /// Puts parts together, in their order.
 fn assemble(parts: Vec<Mesh>, materials: Vec<Material>) -> Geometry {
     let count = parts.iter().map(|part| part.triangles.len()).sum();
-    let mut geometry = Geometry {
-        positions: Vec::with_capacity(count),
-        material_ids: Vec::with_capacity(count),
-        materials,
-    };
+    let mut geometry =
+        Geometry { positions: Vec::with_capacity(count), material_ids: Vec::with_capacity(count), materials };
     for part in parts {
         geometry.positions.extend_from_slice(&part.triangles);
         geometry.material_ids.extend_from_slice(&part.materials);
@@ -199,10 +176,7 @@ mod tests {
             for asked in [1_000, 3_000, 10_000, 30_000, 100_000, 1_000_000] {
                 let made = generator.generate(asked, 1).positions.len() as f64;
                 let ratio = made / asked as f64;
-                assert!(
-                    (0.85..=1.15).contains(&ratio),
-                    "{generator}: asked for {asked}, made {made}"
-                );
+                assert!((0.85..=1.15).contains(&ratio), "{generator}: asked for {asked}, made {made}");
             }
         }
     }
@@ -212,10 +186,7 @@ mod tests {
         for generator in Generator::ALL {
             for asked in [1, 2, 10, 100] {
                 let made = generator.generate(asked, 1).positions.len();
-                assert!(
-                    (1..1200).contains(&made),
-                    "{generator}: asked for {asked}, made {made}"
-                );
+                assert!((1..1200).contains(&made), "{generator}: asked for {asked}, made {made}");
             }
         }
     }
@@ -225,45 +196,24 @@ mod tests {
         for generator in Generator::ALL {
             let made = generator.generate(20_000, 3);
             assert_eq!(made.positions.len(), made.material_ids.len());
-            assert!(
-                made.positions
-                    .iter()
-                    .flatten()
-                    .flatten()
-                    .all(|x| x.is_finite()),
-                "{generator}"
-            );
+            assert!(made.positions.iter().flatten().flatten().all(|x| x.is_finite()), "{generator}");
             let mut used = vec![false; made.materials.len()];
             for (&[a, b, c], &id) in made.positions.iter().zip(&made.material_ids) {
                 let [a, b, c] = [a, b, c].map(Vec3::from_array);
-                assert!(
-                    (b - a).cross(c - a).length() > 0.0,
-                    "{generator}: {a} {b} {c}"
-                );
+                assert!((b - a).cross(c - a).length() > 0.0, "{generator}: {a} {b} {c}");
                 used[id as usize] = true;
             }
             assert!(used.iter().all(|&used| used), "{generator}: {used:?}");
-            assert!(
-                made.materials
-                    .iter()
-                    .flat_map(|m| m.albedo)
-                    .all(|x| (0.0..=1.0).contains(&x))
-            );
+            assert!(made.materials.iter().flat_map(|m| m.albedo).all(|x| (0.0..=1.0).contains(&x)));
         }
     }
 
     #[test]
     fn the_same_seed_gives_the_same_scene_and_another_seed_another() {
         for generator in Generator::ALL {
-            let (a, b, c) = (
-                generator.generate(9_000, 7),
-                generator.generate(9_000, 7),
-                generator.generate(9_000, 8),
-            );
-            assert!(
-                a.positions == b.positions && a.material_ids == b.material_ids,
-                "{generator}"
-            );
+            let (a, b, c) =
+                (generator.generate(9_000, 7), generator.generate(9_000, 7), generator.generate(9_000, 8));
+            assert!(a.positions == b.positions && a.material_ids == b.material_ids, "{generator}");
             assert!(a.positions != c.positions, "{generator}");
         }
     }
@@ -286,14 +236,7 @@ mod tests {
     #[test]
     fn cuboids_and_tubes_face_outwards() {
         let mut mesh = Mesh::default();
-        mesh.cuboid(
-            Vec3::splat(-1.0),
-            2.0 * Vec3::X,
-            2.0 * Vec3::Y,
-            2.0 * Vec3::Z,
-            true,
-            0,
-        );
+        mesh.cuboid(Vec3::splat(-1.0), 2.0 * Vec3::X, 2.0 * Vec3::Y, 2.0 * Vec3::Z, true, 0);
         let ends = [-1.0, 1.0].map(|y| ring(Vec3::Y * y, Vec3::X, -Vec3::Z, 5));
         mesh.tube(&ends, 0);
         assert_eq!(mesh.triangles.len(), 12 + 10);

@@ -34,26 +34,16 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
         [0.2, 0.6, 0.6],
     ];
 
-    let budget = triangles
-        .saturating_sub(2 * u64::from(FLOOR_CELLS * FLOOR_CELLS))
-        .max(1);
+    let budget = triangles.saturating_sub(2 * u64::from(FLOOR_CELLS * FLOOR_CELLS)).max(1);
     let total = |level: u32| (CHILDREN.pow(level + 1) - 1) / (CHILDREN - 1);
-    let level = (0..=MAX_LEVEL)
-        .rev()
-        .find(|&level| total(level) * FEWEST <= budget)
-        .unwrap_or(0);
+    let level = (0..=MAX_LEVEL).rev().find(|&level| total(level) * FEWEST <= budget).unwrap_or(0);
     let (slices, stacks) = division(budget / total(level));
     for (i, colour) in colours.iter().enumerate().take(level as usize + 1) {
         materials.push(material(&format!("level {i}"), *colour));
     }
 
     let random = Random::new(seed);
-    let mut balls = vec![Ball {
-        centre: Vec3::ZERO,
-        radius: 1.0,
-        turn: Quat::IDENTITY,
-        level: 0,
-    }];
+    let mut balls = vec![Ball { centre: Vec3::ZERO, radius: 1.0, turn: Quat::IDENTITY, level: 0 }];
     let mut from = 0;
     for depth in 0..level {
         let to = balls.len();
@@ -79,24 +69,15 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
         .collect();
     let mut floor = Mesh::default();
     let corner = Vec3::new(-4.0, -1.0, -4.0);
-    floor.grid(
-        corner,
-        8.0 * Vec3::Z,
-        8.0 * Vec3::X,
-        (FLOOR_CELLS, FLOOR_CELLS),
-        0,
-    );
+    floor.grid(corner, 8.0 * Vec3::Z, 8.0 * Vec3::X, (FLOOR_CELLS, FLOOR_CELLS), 0);
     parts.push(floor);
     assemble(parts, materials)
 }
 
 /// Six balls around the equator and three higher up, away from the grandparent.
 fn child_of(parent: &Ball, child: u64, twist: f32, level: u32) -> Ball {
-    let (turn, height) = if child < 6 {
-        (child as f32 / 6.0, 0.08f32)
-    } else {
-        (child as f32 / 3.0 + 1.0 / 12.0, 0.95)
-    };
+    let (turn, height) =
+        if child < 6 { (child as f32 / 6.0, 0.08f32) } else { (child as f32 / 3.0 + 1.0 / 12.0, 0.95) };
     let (sin, cos) = (twist + turn * std::f32::consts::TAU).sin_cos();
     let flat = height.cos();
     let direction = parent.turn * Vec3::new(cos * flat, height.sin(), sin * flat);
@@ -114,9 +95,7 @@ fn division(triangles: u64) -> (u32, u32) {
     let mut best = (3, 2);
     let mut error = u64::MAX;
     for stacks in 2..2300u32 {
-        let slices = (triangles as f64 / (2.0 * f64::from(stacks - 1)))
-            .round()
-            .max(3.0) as u32;
+        let slices = (triangles as f64 / (2.0 * f64::from(stacks - 1))).round().max(3.0) as u32;
         // Round balls: about twice as many slices as stacks.
         if stacks > 2 && (slices < stacks + stacks / 2 || slices > 2 * stacks + 4) {
             continue;

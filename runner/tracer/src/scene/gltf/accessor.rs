@@ -11,9 +11,7 @@ const MAX_ZEROS: u64 = 1 << 24;
 
 /// The accessor at `index`, or a sentence about its absence.
 pub(super) fn get(root: &Root, index: Index<Accessor>) -> Result<&Accessor, String> {
-    root.accessors
-        .get(index.value())
-        .ok_or_else(|| format!("there is no accessor {}", index.value()))
+    root.accessors.get(index.value()).ok_or_else(|| format!("there is no accessor {}", index.value()))
 }
 
 fn component(accessor: &Accessor) -> Result<ComponentType, String> {
@@ -37,14 +35,7 @@ pub(super) fn vectors<const N: usize>(
     let mut values = match accessor.buffer_view {
         Some(view) => {
             let offset = accessor.byte_offset.map_or(0, |o| o.0);
-            read_vectors(
-                component,
-                accessor.normalized,
-                views,
-                view.value(),
-                offset,
-                accessor.count.0,
-            )?
+            read_vectors(component, accessor.normalized, views, view.value(), offset, accessor.count.0)?
         }
         None if accessor.sparse.is_some() && accessor.count.0 <= MAX_ZEROS => {
             vec![[0.0; N]; accessor.count.0 as usize]
@@ -71,9 +62,8 @@ pub(super) fn vectors<const N: usize>(
             sparse.count.0,
         )?;
         for (&i, value) in at.iter().zip(with) {
-            *values
-                .get_mut(i as usize)
-                .ok_or_else(|| format!("a sparse index {i} beyond the accessor"))? = value;
+            *values.get_mut(i as usize).ok_or_else(|| format!("a sparse index {i} beyond the accessor"))? =
+                value;
         }
     }
     Ok(values)
@@ -108,9 +98,7 @@ fn read_indices(
         other => return Err(format!("indices of type {other:?}")),
     };
     let (bytes, stride) = views.elements(view, offset, count, kind.size())?;
-    Ok((0..count as usize)
-        .map(|i| decode(&bytes[i * stride..]))
-        .collect())
+    Ok((0..count as usize).map(|i| decode(&bytes[i * stride..])).collect())
 }
 
 fn read_vectors<const N: usize>(
@@ -139,9 +127,7 @@ fn read_vectors<const N: usize>(
             each(|b| (f32::from(i16::from_le_bytes([b[0], b[1]])) / 32767.0).max(-1.0))
         }
         (ComponentType::U16, false) => each(|b| f32::from(u16::from_le_bytes([b[0], b[1]]))),
-        (ComponentType::U16, true) => {
-            each(|b| f32::from(u16::from_le_bytes([b[0], b[1]])) / 65535.0)
-        }
+        (ComponentType::U16, true) => each(|b| f32::from(u16::from_le_bytes([b[0], b[1]])) / 65535.0),
         (ComponentType::U32, _) => return Err("vectors of 32-bit integers".to_owned()),
     })
 }

@@ -31,16 +31,12 @@ impl<'a> Views<'a> {
                 if !needed.get(i).copied().unwrap_or(false) {
                     return Ok(None);
                 }
-                view_bytes(view, buffers).map(Some).map_err(|reason| {
-                    SceneError::format(path, format!("buffer view {i}: {reason}"))
-                })
+                view_bytes(view, buffers)
+                    .map(Some)
+                    .map_err(|reason| SceneError::format(path, format!("buffer view {i}: {reason}")))
             })
             .collect::<Result<Vec<_>, SceneError>>()?;
-        let stride = root
-            .buffer_views
-            .iter()
-            .map(|view| view.byte_stride.map(|s| s.0))
-            .collect();
+        let stride = root.buffer_views.iter().map(|view| view.byte_stride.map(|s| s.0)).collect();
         Ok(Self { bytes, stride })
     }
 
@@ -60,9 +56,7 @@ impl<'a> Views<'a> {
             .ok_or_else(|| format!("there is no buffer view {view}"))?;
         let stride = self.stride.get(view).copied().flatten().unwrap_or(size);
         if stride < size {
-            return Err(format!(
-                "elements of {size} bytes overlap at a stride of {stride}"
-            ));
+            return Err(format!("elements of {size} bytes overlap at a stride of {stride}"));
         }
         let end = match count {
             0 => Some(offset),
@@ -86,9 +80,7 @@ fn view_bytes<'a>(
     buffers: &'a [Option<Cow<'a, [u8]>>],
 ) -> Result<Cow<'a, [u8]>, String> {
     let extension = view.extensions.as_ref().and_then(|all| {
-        ["EXT_meshopt_compression", "KHR_meshopt_compression"]
-            .iter()
-            .find_map(|name| all.others.get(*name))
+        ["EXT_meshopt_compression", "KHR_meshopt_compression"].iter().find_map(|name| all.others.get(*name))
     });
     let Some(json) = extension else {
         let offset = view.byte_offset.map_or(0, |o| o.0);
@@ -96,14 +88,7 @@ fn view_bytes<'a>(
     };
     let packed: Packed = serde::Deserialize::deserialize(json)
         .map_err(|e| format!("its compression is not described ({e})"))?;
-    packed
-        .decode(part(
-            buffers,
-            packed.buffer,
-            packed.byte_offset,
-            packed.byte_length,
-        )?)
-        .map(Cow::Owned)
+    packed.decode(part(buffers, packed.buffer, packed.byte_offset, packed.byte_length)?).map(Cow::Owned)
 }
 
 fn part<'a>(
@@ -112,20 +97,15 @@ fn part<'a>(
     offset: u64,
     length: u64,
 ) -> Result<&'a [u8], String> {
-    let bytes = buffers
-        .get(index)
-        .and_then(Option::as_deref)
-        .ok_or_else(|| format!("buffer {index} has no data"))?;
-    let end = offset
-        .checked_add(length)
-        .filter(|&end| end <= bytes.len() as u64)
-        .ok_or_else(|| {
-            format!(
-                "bytes {offset} to {} of buffer {index}, which has {}",
-                offset.saturating_add(length),
-                bytes.len()
-            )
-        })?;
+    let bytes =
+        buffers.get(index).and_then(Option::as_deref).ok_or_else(|| format!("buffer {index} has no data"))?;
+    let end = offset.checked_add(length).filter(|&end| end <= bytes.len() as u64).ok_or_else(|| {
+        format!(
+            "bytes {offset} to {} of buffer {index}, which has {}",
+            offset.saturating_add(length),
+            bytes.len()
+        )
+    })?;
     Ok(&bytes[offset as usize..end as usize])
 }
 
@@ -149,14 +129,12 @@ pub(super) fn load<'a>(
 
 fn from_uri(path: &Path, uri: &str) -> Result<Vec<u8>, SceneError> {
     if let Some(data) = uri.strip_prefix("data:") {
-        let (kind, payload) = data
-            .split_once(',')
-            .ok_or_else(|| SceneError::format(path, "a data URI without a comma"))?;
+        let (kind, payload) =
+            data.split_once(',').ok_or_else(|| SceneError::format(path, "a data URI without a comma"))?;
         if !kind.ends_with(";base64") {
             return Err(SceneError::format(path, "a data URI that is not base64"));
         }
-        return base64(payload)
-            .ok_or_else(|| SceneError::format(path, "a data URI with damaged base64"));
+        return base64(payload).ok_or_else(|| SceneError::format(path, "a data URI with damaged base64"));
     }
     if uri.contains("://") {
         return Err(SceneError::Unsupported {

@@ -38,13 +38,7 @@ impl Packed {
     /// each byte of an element. A forged count is refused instead of filling memory with zeros.
     pub fn decode(&self, bytes: &[u8]) -> Result<Vec<u8>, String> {
         let filter = self.filter.as_deref().unwrap_or("NONE");
-        let too_many = || {
-            format!(
-                "{} elements cannot come out of {} packed bytes",
-                self.count,
-                bytes.len()
-            )
-        };
+        let too_many = || format!("{} elements cannot come out of {} packed bytes", self.count, bytes.len());
         let count = usize::try_from(self.count).map_err(|_| too_many())?;
         let failed = |e: meshopt::Error| format!("its meshopt data is damaged ({e})");
         if count == 0 {
@@ -52,10 +46,7 @@ impl Packed {
         }
         match self.mode.as_str() {
             "ATTRIBUTES" => {
-                if self.byte_stride == 0
-                    || !self.byte_stride.is_multiple_of(4)
-                    || self.byte_stride > 256
-                {
+                if self.byte_stride == 0 || !self.byte_stride.is_multiple_of(4) || self.byte_stride > 256 {
                     return Err(format!(
                         "a packed stride of {} bytes is not a multiple of 4 up to 256",
                         self.byte_stride
@@ -66,16 +57,11 @@ impl Packed {
                 }
                 vertices(self.byte_stride, count, filter, bytes)
             }
-            "TRIANGLES" | "INDICES" if filter != "NONE" => {
-                Err(format!("filter {filter} on packed indices"))
-            }
+            "TRIANGLES" | "INDICES" if filter != "NONE" => Err(format!("filter {filter} on packed indices")),
             mode @ ("TRIANGLES" | "INDICES") => {
                 let triangles = mode == "TRIANGLES";
                 if triangles && !self.count.is_multiple_of(3) {
-                    return Err(format!(
-                        "{} packed indices are not whole triangles",
-                        self.count
-                    ));
+                    return Err(format!("{} packed indices are not whole triangles", self.count));
                 }
                 if self.count / 3 > bytes.len() as u64 {
                     return Err(too_many());
@@ -112,11 +98,7 @@ fn vertices(stride: u64, count: usize, filter: &str, bytes: &[u8]) -> Result<Vec
            33 34 35 36 37 38 39 40 41 42 43 44 45 46 47 48 49 50 51 52 53 54 55 56 57 58 59 60 61 62 63 64)
 }
 
-fn vertices_of<const N: usize>(
-    count: usize,
-    filter: &str,
-    bytes: &[u8],
-) -> Result<Vec<u8>, String> {
+fn vertices_of<const N: usize>(count: usize, filter: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
     let mut elements: Vec<Words<N>> = meshopt::decode_vertex_buffer(bytes, count)
         .map_err(|e| format!("its meshopt data is damaged ({e})"))?;
     let wrong_stride = || format!("filter {filter} on elements of {} bytes", 4 * N);
@@ -128,12 +110,8 @@ fn vertices_of<const N: usize>(
         "OCTAHEDRAL" | "COLOR" => {
             let octahedral = filter == "OCTAHEDRAL";
             match N {
-                1 if octahedral => {
-                    meshopt::decode_filter_oct::<i8>(bytemuck::cast_slice_mut(&mut elements))
-                }
-                2 if octahedral => {
-                    meshopt::decode_filter_oct::<i16>(bytemuck::cast_slice_mut(&mut elements))
-                }
+                1 if octahedral => meshopt::decode_filter_oct::<i8>(bytemuck::cast_slice_mut(&mut elements)),
+                2 if octahedral => meshopt::decode_filter_oct::<i16>(bytemuck::cast_slice_mut(&mut elements)),
                 1 => meshopt::decode_filter_color::<u8>(bytemuck::cast_slice_mut(&mut elements)),
                 2 => meshopt::decode_filter_color::<u16>(bytemuck::cast_slice_mut(&mut elements)),
                 _ => return Err(wrong_stride()),
@@ -168,22 +146,11 @@ mod tests {
     fn every_stride_comes_back() {
         fn round<const N: usize>() {
             let data: Vec<Words<N>> = (0..300u32)
-                .map(|i| {
-                    Words(std::array::from_fn(|k| {
-                        i.wrapping_mul(2_654_435_761) >> (k % 7)
-                    }))
-                })
+                .map(|i| Words(std::array::from_fn(|k| i.wrapping_mul(2_654_435_761) >> (k % 7))))
                 .collect();
             let bytes = meshopt::encode_vertex_buffer(&data).unwrap();
-            let back = packed("ATTRIBUTES", 4 * N as u64, 300, None)
-                .decode(&bytes)
-                .unwrap();
-            assert_eq!(
-                back,
-                bytemuck::cast_slice::<_, u8>(&data),
-                "stride {}",
-                4 * N
-            );
+            let back = packed("ATTRIBUTES", 4 * N as u64, 300, None).decode(&bytes).unwrap();
+            assert_eq!(back, bytemuck::cast_slice::<_, u8>(&data), "stride {}", 4 * N);
         }
         round::<1>();
         round::<3>();
@@ -197,21 +164,14 @@ mod tests {
         // 0xff is exponent -1, mantissa 3: 1.5. 0x02 is exponent 2, mantissa -9: -36.
         let data = [Words([0xff00_0003, 0x02ff_fff7, 0u32])];
         let bytes = meshopt::encode_vertex_buffer(&data).unwrap();
-        let back = packed("ATTRIBUTES", 12, 1, Some("EXPONENTIAL"))
-            .decode(&bytes)
-            .unwrap();
-        let floats: Vec<f32> = back
-            .chunks_exact(4)
-            .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
-            .collect();
+        let back = packed("ATTRIBUTES", 12, 1, Some("EXPONENTIAL")).decode(&bytes).unwrap();
+        let floats: Vec<f32> =
+            back.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
         assert_eq!(floats, [1.5, -36.0, 0.0]);
     }
 
     fn words(bytes: &[u8]) -> Vec<u32> {
-        bytes
-            .chunks_exact(4)
-            .map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-            .collect()
+        bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
     }
 
     #[test]
@@ -230,10 +190,8 @@ mod tests {
         let wide = packed("TRIANGLES", 4, 9, None).decode(&triangles).unwrap();
         assert_eq!(rotated(&words(&wide)), rotated(&indices));
         let narrow = packed("TRIANGLES", 2, 9, None).decode(&triangles).unwrap();
-        let widened: Vec<u32> = narrow
-            .chunks_exact(2)
-            .map(|b| u32::from(u16::from_le_bytes([b[0], b[1]])))
-            .collect();
+        let widened: Vec<u32> =
+            narrow.chunks_exact(2).map(|b| u32::from(u16::from_le_bytes([b[0], b[1]]))).collect();
         assert_eq!(rotated(&widened), rotated(&indices));
         let wide = packed("INDICES", 4, 9, None).decode(&sequence).unwrap();
         assert_eq!(words(&wide), indices);
@@ -242,39 +200,15 @@ mod tests {
     #[test]
     fn forged_counts_and_wrong_strides_are_refused() {
         let bytes = meshopt::encode_vertex_buffer(&[Words([1u32, 2, 3]); 40]).unwrap();
-        assert!(
-            packed("ATTRIBUTES", 12, u64::MAX / 2, None)
-                .decode(&bytes)
-                .is_err()
-        );
-        assert!(
-            packed("ATTRIBUTES", 12, 4_000_000_000, None)
-                .decode(&bytes)
-                .is_err()
-        );
+        assert!(packed("ATTRIBUTES", 12, u64::MAX / 2, None).decode(&bytes).is_err());
+        assert!(packed("ATTRIBUTES", 12, 4_000_000_000, None).decode(&bytes).is_err());
         assert!(packed("ATTRIBUTES", 6, 40, None).decode(&bytes).is_err());
         assert!(packed("ATTRIBUTES", 0, 40, None).decode(&bytes).is_err());
-        assert!(
-            packed("ATTRIBUTES", 12, 40, Some("OCTAHEDRAL"))
-                .decode(&bytes)
-                .is_err()
-        );
-        assert!(
-            packed("ATTRIBUTES", 12, 40, Some("NEW"))
-                .decode(&bytes)
-                .is_err()
-        );
-        assert!(
-            packed("TRIANGLES", 4, 3_000_000_000, None)
-                .decode(&bytes)
-                .is_err()
-        );
+        assert!(packed("ATTRIBUTES", 12, 40, Some("OCTAHEDRAL")).decode(&bytes).is_err());
+        assert!(packed("ATTRIBUTES", 12, 40, Some("NEW")).decode(&bytes).is_err());
+        assert!(packed("TRIANGLES", 4, 3_000_000_000, None).decode(&bytes).is_err());
         assert!(packed("TRIANGLES", 4, 4, None).decode(&bytes).is_err());
         assert!(packed("POINTS", 4, 4, None).decode(&bytes).is_err());
-        assert!(
-            packed("ATTRIBUTES", 12, 40, None)
-                .decode(&bytes[..bytes.len() / 2])
-                .is_err()
-        );
+        assert!(packed("ATTRIBUTES", 12, 40, None).decode(&bytes[..bytes.len() / 2]).is_err());
     }
 }

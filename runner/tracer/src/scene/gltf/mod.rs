@@ -43,11 +43,7 @@ const LOOKS: [&str; 8] = [
 ];
 
 /// Reads the file whose bytes are given; `path` is for messages and for buffers beside it.
-pub(super) fn load(
-    path: &Path,
-    bytes: &[u8],
-    report: &mut LoadReport,
-) -> Result<Geometry, SceneError> {
+pub(super) fn load(path: &Path, bytes: &[u8], report: &mut LoadReport) -> Result<Geometry, SceneError> {
     let (json, bin) = container(path, bytes)?;
     let root = Root::from_slice(&json)
         .map_err(|e| SceneError::format(path, format!("its JSON is not glTF 2.0: {e}")))?;
@@ -62,10 +58,7 @@ pub(super) fn load(
     let mut work = Vec::new();
     for instance in &instances {
         let Some(mesh) = root.meshes.get(instance.mesh) else {
-            return Err(SceneError::format(
-                path,
-                format!("there is no mesh {}", instance.mesh),
-            ));
+            return Err(SceneError::format(path, format!("there is no mesh {}", instance.mesh)));
         };
         for (p, primitive) in mesh.primitives.iter().enumerate() {
             let triangles = triangle_count(&root, primitive).map_err(|e| {
@@ -91,26 +84,19 @@ pub(super) fn load(
     let parts = work
         .par_iter()
         .map(|&(instance, p, primitive)| {
-            flatten(&root, primitive, &instance.transform, &views).map_err(|e| {
-                SceneError::format(path, format!("mesh {}, primitive {p}: {e}", instance.mesh))
-            })
+            flatten(&root, primitive, &instance.transform, &views)
+                .map_err(|e| SceneError::format(path, format!("mesh {}, primitive {p}: {e}", instance.mesh)))
         })
         .collect::<Result<Vec<Part>, SceneError>>()?;
 
     let kept = parts.iter().map(|part| part.triangles.len()).sum();
-    let mut geometry = Geometry {
-        positions: Vec::with_capacity(kept),
-        material_ids: Vec::with_capacity(kept),
-        materials,
-    };
+    let mut geometry =
+        Geometry { positions: Vec::with_capacity(kept), material_ids: Vec::with_capacity(kept), materials };
     for (part, (_, _, primitive)) in parts.iter().zip(&work) {
         let id = match primitive.material {
             Some(index) if index.value() < root.materials.len() => index.value() as u32,
             Some(index) => {
-                return Err(SceneError::format(
-                    path,
-                    format!("there is no material {}", index.value()),
-                ));
+                return Err(SceneError::format(path, format!("there is no material {}", index.value())));
             }
             None => default_material,
         };
@@ -126,21 +112,13 @@ pub(super) fn load(
 type Bytes<'a> = Cow<'a, [u8]>;
 
 /// The JSON and the GLB's binary chunk.
-fn container<'a>(
-    path: &Path,
-    bytes: &'a [u8],
-) -> Result<(Bytes<'a>, Option<Bytes<'a>>), SceneError> {
+fn container<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Bytes<'a>, Option<Bytes<'a>>), SceneError> {
     if !bytes.starts_with(b"glTF") {
         return Ok((Cow::Borrowed(bytes), None));
     }
-    let length = bytes
-        .get(8..12)
-        .map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let length = bytes.get(8..12).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     if (length as usize) < 20 || length as usize > bytes.len() {
-        let reason = format!(
-            "its header promises {length} bytes, the file has {}",
-            bytes.len()
-        );
+        let reason = format!("its header promises {length} bytes, the file has {}", bytes.len());
         return Err(SceneError::format(path, reason));
     }
     let glb = gltf::binary::Glb::from_slice(bytes)
@@ -154,20 +132,15 @@ fn check_extensions(path: &Path, root: &Root, report: &mut LoadReport) -> Result
             continue;
         }
         if LOOKS.iter().any(|prefix| name.starts_with(prefix)) {
-            report.notes.push(format!(
-                "{name} is required by the file and ignored: surfaces are plain Lambertian"
-            ));
+            report
+                .notes
+                .push(format!("{name} is required by the file and ignored: surfaces are plain Lambertian"));
         } else {
-            return Err(SceneError::Unsupported {
-                path: path.to_owned(),
-                feature: name.clone(),
-            });
+            return Err(SceneError::Unsupported { path: path.to_owned(), feature: name.clone() });
         }
     }
     if !root.skins.is_empty() {
-        report
-            .notes
-            .push("skins are ignored: meshes are traced in their rest pose".to_owned());
+        report.notes.push("skins are ignored: meshes are traced in their rest pose".to_owned());
     }
     Ok(())
 }
@@ -175,11 +148,7 @@ fn check_extensions(path: &Path, root: &Root, report: &mut LoadReport) -> Result
 /// Materials of the file, with a default one appended where a primitive has none; and the default's index.
 fn materials(root: &Root, report: &mut LoadReport) -> (Vec<Material>, u32) {
     let unit = |value: f32| {
-        if value.is_finite() {
-            value.clamp(0.0, 1.0)
-        } else {
-            0.5
-        }
+        if value.is_finite() { value.clamp(0.0, 1.0) } else { 0.5 }
     };
     let mut textured = 0;
     let mut materials: Vec<Material> = root
@@ -196,11 +165,7 @@ fn materials(root: &Root, report: &mut LoadReport) -> (Vec<Material>, u32) {
                 .map_or(1.0, |extension| extension.emissive_strength.0);
             let radiance = |factor: f32| {
                 let value = factor * strength;
-                if value.is_finite() {
-                    value.max(0.0)
-                } else {
-                    0.0
-                }
+                if value.is_finite() { value.max(0.0) } else { 0.0 }
             };
             Material {
                 name: material.name.clone().unwrap_or_default(),
@@ -216,11 +181,7 @@ fn materials(root: &Root, report: &mut LoadReport) -> (Vec<Material>, u32) {
     }
     let default_material = materials.len() as u32;
     if materials.is_empty()
-        || root
-            .meshes
-            .iter()
-            .flat_map(|mesh| &mesh.primitives)
-            .any(|p| p.material.is_none())
+        || root.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|p| p.material.is_none())
     {
         materials.push(super::load::default_material());
     }
@@ -242,22 +203,14 @@ fn needed_views(root: &Root) -> Vec<bool> {
         .flat_map(|primitive| positions_of(primitive).into_iter().chain(primitive.indices))
         .map(|index| index.value())
         .collect();
-    accessors.extend(
-        root.nodes
-            .iter()
-            .filter_map(gpu_instances)
-            .flat_map(|attributes| {
-                attributes
-                    .values()
-                    .filter_map(serde_json::Value::as_u64)
-                    .map(|index| index as usize)
-                    .collect::<Vec<_>>()
-            }),
-    );
-    for accessor in accessors
-        .into_iter()
-        .filter_map(|index| root.accessors.get(index))
-    {
+    accessors.extend(root.nodes.iter().filter_map(gpu_instances).flat_map(|attributes| {
+        attributes
+            .values()
+            .filter_map(serde_json::Value::as_u64)
+            .map(|index| index as usize)
+            .collect::<Vec<_>>()
+    }));
+    for accessor in accessors.into_iter().filter_map(|index| root.accessors.get(index)) {
         if let Some(view) = accessor.buffer_view {
             need(view.value());
         }
@@ -270,10 +223,7 @@ fn needed_views(root: &Root) -> Vec<bool> {
 }
 
 fn positions_of(primitive: &Primitive) -> Option<Index<gltf::json::Accessor>> {
-    primitive
-        .attributes
-        .get(&Checked::Valid(Semantic::Positions))
-        .copied()
+    primitive.attributes.get(&Checked::Valid(Semantic::Positions)).copied()
 }
 
 /// A mesh with the transform it appears under.
@@ -290,19 +240,11 @@ fn instances(
     views: &Views<'_>,
     report: &mut LoadReport,
 ) -> Result<Vec<Instance>, SceneError> {
-    let mut roots: Vec<usize> = root
-        .scenes
-        .iter()
-        .flat_map(|scene| &scene.nodes)
-        .map(|index| index.value())
-        .collect();
+    let mut roots: Vec<usize> =
+        root.scenes.iter().flat_map(|scene| &scene.nodes).map(|index| index.value()).collect();
     if root.scenes.is_empty() {
         let mut is_child = vec![false; root.nodes.len()];
-        for child in root
-            .nodes
-            .iter()
-            .flat_map(|node| node.children.iter().flatten())
-        {
+        for child in root.nodes.iter().flat_map(|node| node.children.iter().flatten()) {
             if let Some(flag) = is_child.get_mut(child.value()) {
                 *flag = true;
             }
@@ -313,17 +255,10 @@ fn instances(
     let mut seen = vec![false; root.nodes.len()];
     let mut again = 0u64;
     let mut instances = Vec::new();
-    let mut stack: Vec<(usize, DMat4)> = roots
-        .into_iter()
-        .rev()
-        .map(|i| (i, DMat4::IDENTITY))
-        .collect();
+    let mut stack: Vec<(usize, DMat4)> = roots.into_iter().rev().map(|i| (i, DMat4::IDENTITY)).collect();
     while let Some((index, parent)) = stack.pop() {
         let Some(node) = root.nodes.get(index) else {
-            return Err(SceneError::format(
-                path,
-                format!("there is no node {index}"),
-            ));
+            return Err(SceneError::format(path, format!("there is no node {index}")));
         };
         if std::mem::replace(&mut seen[index], true) {
             again += 1;
@@ -332,18 +267,15 @@ fn instances(
         let transform = parent * local_transform(node);
         if let Some(mesh) = node.mesh {
             match gpu_instances(node) {
-                None => instances.push(Instance {
-                    mesh: mesh.value(),
-                    transform,
-                }),
+                None => instances.push(Instance { mesh: mesh.value(), transform }),
                 Some(attributes) => {
-                    let copies = copies(root, views, attributes).map_err(|e| {
-                        SceneError::format(path, format!("instances of node {index}: {e}"))
-                    })?;
-                    instances.extend(copies.into_iter().map(|copy| Instance {
-                        mesh: mesh.value(),
-                        transform: transform * copy,
-                    }));
+                    let copies = copies(root, views, attributes)
+                        .map_err(|e| SceneError::format(path, format!("instances of node {index}: {e}")))?;
+                    instances.extend(
+                        copies
+                            .into_iter()
+                            .map(|copy| Instance { mesh: mesh.value(), transform: transform * copy }),
+                    );
                 }
             }
         }
@@ -351,9 +283,7 @@ fn instances(
         stack.extend(children.map(|child| (child.value(), transform)));
     }
     if again > 0 {
-        report
-            .notes
-            .push(format!("{again} nodes were reached twice and counted once"));
+        report.notes.push(format!("{again} nodes were reached twice and counted once"));
     }
     Ok(instances)
 }
@@ -362,8 +292,7 @@ fn local_transform(node: &Node) -> DMat4 {
     if let Some(matrix) = node.matrix {
         return DMat4::from_cols_array(&matrix.map(f64::from));
     }
-    let vector =
-        |v: Option<[f32; 3]>, default| v.map_or(default, |v| DVec3::from_array(v.map(f64::from)));
+    let vector = |v: Option<[f32; 3]>, default| v.map_or(default, |v| DVec3::from_array(v.map(f64::from)));
     let turn = node.rotation.map_or(DQuat::IDENTITY, |q| rotation(q.0));
     DMat4::from_scale_rotation_translation(
         vector(node.scale, DVec3::ONE),
@@ -375,20 +304,11 @@ fn local_transform(node: &Node) -> DMat4 {
 /// Exporters write quaternions that are a little off unit length; a zero one means no turn.
 fn rotation(q: [f32; 4]) -> DQuat {
     let q = DQuat::from_array(q.map(f64::from));
-    if q.length_squared() > 0.0 && q.is_finite() {
-        q.normalize()
-    } else {
-        DQuat::IDENTITY
-    }
+    if q.length_squared() > 0.0 && q.is_finite() { q.normalize() } else { DQuat::IDENTITY }
 }
 
 fn gpu_instances(node: &Node) -> Option<&serde_json::Map<String, serde_json::Value>> {
-    node.extensions
-        .as_ref()?
-        .others
-        .get("EXT_mesh_gpu_instancing")?
-        .get("attributes")?
-        .as_object()
+    node.extensions.as_ref()?.others.get("EXT_mesh_gpu_instancing")?.get("attributes")?.as_object()
 }
 
 /// The transforms of EXT_mesh_gpu_instancing.
@@ -401,21 +321,14 @@ fn copies(
         let Some(index) = attributes.get(name) else {
             return Ok(None);
         };
-        let index = index
-            .as_u64()
-            .and_then(|i| u32::try_from(i).ok())
-            .ok_or("an accessor that is not a number")?;
+        let index =
+            index.as_u64().and_then(|i| u32::try_from(i).ok()).ok_or("an accessor that is not a number")?;
         accessor::get(root, Index::new(index)).map(Some)
     };
-    let translations = find("TRANSLATION")?
-        .map(|a| accessor::vectors::<3>(a, Type::Vec3, views))
-        .transpose()?;
-    let rotations = find("ROTATION")?
-        .map(|a| accessor::vectors::<4>(a, Type::Vec4, views))
-        .transpose()?;
-    let scales = find("SCALE")?
-        .map(|a| accessor::vectors::<3>(a, Type::Vec3, views))
-        .transpose()?;
+    let translations =
+        find("TRANSLATION")?.map(|a| accessor::vectors::<3>(a, Type::Vec3, views)).transpose()?;
+    let rotations = find("ROTATION")?.map(|a| accessor::vectors::<4>(a, Type::Vec4, views)).transpose()?;
+    let scales = find("SCALE")?.map(|a| accessor::vectors::<3>(a, Type::Vec3, views)).transpose()?;
     let counts = [
         translations.as_ref().map(Vec::len),
         rotations.as_ref().map(Vec::len),
@@ -425,12 +338,9 @@ fn copies(
     Ok((0..count)
         .map(|i| {
             let vector = |all: &Option<Vec<[f32; 3]>>, default| {
-                all.as_ref()
-                    .map_or(default, |v| DVec3::from_array(v[i].map(f64::from)))
+                all.as_ref().map_or(default, |v| DVec3::from_array(v[i].map(f64::from)))
             };
-            let turn = rotations
-                .as_ref()
-                .map_or(DQuat::IDENTITY, |all| rotation(all[i]));
+            let turn = rotations.as_ref().map_or(DQuat::IDENTITY, |all| rotation(all[i]));
             DMat4::from_scale_rotation_translation(
                 vector(&scales, DVec3::ONE),
                 turn,
@@ -445,9 +355,7 @@ fn triangle_count(root: &Root, primitive: &Primitive) -> Result<Option<u64>, Str
     let Some(positions) = positions_of(primitive) else {
         return Ok(None);
     };
-    let corners = accessor::get(root, primitive.indices.unwrap_or(positions))?
-        .count
-        .0;
+    let corners = accessor::get(root, primitive.indices.unwrap_or(positions))?.count.0;
     Ok(match primitive.mode {
         Checked::Valid(Mode::Triangles) => Some(corners / 3),
         Checked::Valid(Mode::TriangleStrip | Mode::TriangleFan) => Some(corners.saturating_sub(2)),
@@ -463,12 +371,7 @@ struct Part {
     out_of_range: u64,
 }
 
-fn flatten(
-    root: &Root,
-    primitive: &Primitive,
-    transform: &DMat4,
-    views: &Views<'_>,
-) -> Result<Part, String> {
+fn flatten(root: &Root, primitive: &Primitive, transform: &DMat4, views: &Views<'_>) -> Result<Part, String> {
     let positions = positions_of(primitive).ok_or("no positions")?;
     let mut points = accessor::vectors::<3>(accessor::get(root, positions)?, Type::Vec3, views)?;
     if *transform != DMat4::IDENTITY {
@@ -483,11 +386,7 @@ fn flatten(
         None => None,
     };
     let corners = indices.as_ref().map_or(points.len(), Vec::len);
-    let mut part = Part {
-        triangles: Vec::new(),
-        non_finite: 0,
-        out_of_range: 0,
-    };
+    let mut part = Part { triangles: Vec::new(), non_finite: 0, out_of_range: 0 };
     let mut push = |a: usize, b: usize, c: usize| {
         let (b, c) = if mirrored { (c, b) } else { (b, c) };
         let corner = |i: usize| match &indices {
