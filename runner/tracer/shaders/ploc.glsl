@@ -47,9 +47,8 @@ uint blocks_of(uint clusters) {
 }
 
 Step step_after(Step now, uint step, uint clusters) {
-    bool slow = clusters > now.clusters - now.clusters / 8;
-    bool may_force = clusters > SMALL || step + 1 >= PATIENCE;
-    return Step(clusters, uint(slow && may_force && now.forced == 0));
+    bool stuck = clusters > SMALL && clusters > now.clusters - now.clusters / 64;
+    return Step(clusters, uint(now.forced == 0 && (stuck || step + 1 >= PATIENCE)));
 }
 
 // Boxes of neighbouring clusters, one axis an array: lanes read consecutive words without bank conflicts.

@@ -21,6 +21,7 @@ use crate::{
     sort::{Sort, SortBuffers},
 };
 use serde::{Deserialize, Serialize};
+use std::cell::Cell;
 
 /// Everything that may be chosen about a build.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -82,6 +83,8 @@ pub struct Builder {
 #[derive(Debug)]
 pub struct BuildWorkspace {
     capacity: usize,
+    /// Triangles of the last build, and the iterations before the tail that it needed.
+    last: Cell<Option<(usize, u32)>>,
     bounds: Buffer,
     sort: SortBuffers,
     tree: Bvh2Buffers,
@@ -160,6 +163,7 @@ impl Builder {
         let gpu = &self.gpu;
         Ok(BuildWorkspace {
             capacity,
+            last: Cell::new(None),
             bounds: gpu.buffer("scene bounds", BOUNDS_BYTES)?,
             sort: self.sort.buffers(gpu, capacity, self.params.morton.words())?,
             tree: Bvh2Buffers::new(gpu, capacity)?,
@@ -173,6 +177,9 @@ impl Builder {
     }
 
     /// Builds a tree over the first `count` of `triangles` (nine finite floats each) into the workspace.
+    ///
+    /// The first build in a workspace records iterations of the clustering on suspicion. A further one over
+    /// as many triangles records as many as the last one needed, and more if they turn out too few.
     ///
     /// `time_dispatches` adds a span for each dispatch to the timings, at about a microsecond each.
     ///
@@ -193,7 +200,10 @@ impl Builder {
         assert!(36 * count as u64 <= triangles.bytes(), "{count} triangles in {triangles:?}");
         let mut timings = Timings::default();
         let mut done = 0;
-        let mut recorded = self.ploc.iterations(count);
+        let mut recorded = match workspace.last.get() {
+            Some((of, needed)) if of == count => needed,
+            _ => self.ploc.iterations(count),
+        };
         loop {
             let mut pass = Pass::new(&self.gpu)?;
             pass.time_dispatches(time_dispatches);
@@ -212,12 +222,13 @@ impl Builder {
                     rearrange: timings.milliseconds("build/rearrange"),
                     total: timings.milliseconds("build"),
                 };
+                workspace.last.set(Some((count, summary.tail)));
                 return Ok(BuildReport { summary, recorded, milliseconds, timings });
             }
             // A scene that clusters more slowly than any we know: go on where it stopped.
             assert!((recorded as usize) < MAX_LEVELS, "the number of iterations is bounded, see ploc::Step");
             done = recorded;
-            recorded = (2 * recorded).max(16).min(MAX_LEVELS as u32);
+            recorded = (recorded + 32).min(MAX_LEVELS as u32);
         }
     }
 
@@ -295,7 +306,7 @@ pub fn build(gpu: &Gpu, triangles: &Buffer, count: usize, params: &BuildParams) 
     let builder = Builder::new(gpu, params)?;
     let workspace = builder.workspace(count)?;
     let report = builder.build(&workspace, triangles, count, false)?;
-    // The workspace has room for a node more than the collapse leaves in most places.
+    // Before the collapse it was not known how many nodes there would be.
     let bytes = size_of::<BinaryNode>() as u64 * u64::from(report.summary.nodes);
     let nodes = gpu.buffer("nodes", bytes)?;
     let mut pass = Pass::new(gpu)?;

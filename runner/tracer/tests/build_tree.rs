@@ -70,10 +70,10 @@ fn check(builder: &Builder, workspace: &BuildWorkspace, triangles: &[Triangle], 
 fn every_small_number_of_triangles_makes_a_tree() {
     let builder = Builder::new(gpu(), &params(10, 16)).unwrap();
     let workspace = builder.workspace(70).unwrap();
-    for n in (1..=40).chain(60..=70) {
+    for n in (1..=20).chain(31..=34).chain(63..=66) {
         check(&builder, &workspace, &scattered(n, 10.0, 1.0), &format!("{n} scattered"));
     }
-    for n in [1, 2, 3, 4, 5, 17, 33, 64] {
+    for n in [1, 2, 3, 17, 64] {
         for (what, triangles) in awkward(n) {
             check(&builder, &workspace, &triangles, &format!("{n} {what}"));
         }

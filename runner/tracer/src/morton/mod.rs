@@ -20,12 +20,14 @@ pub struct MortonParams {
     ///
     /// Triangles of one cell keep their file order. Every eight bits of the code, which has three times as
     /// many, cost a sorting pass, and more than ten need 64-bit keys, whose passes are half again as dear.
+    /// Finer grids than 2^10 an axis changed the SAH cost of sponza, kitchen and both bistros by less than
+    /// 1%, in either direction: clusters look farther along the curve than a cell holds triangles.
     pub bits: u32,
 }
 
 impl Default for MortonParams {
     fn default() -> Self {
-        Self { bits: 16 }
+        Self { bits: 10 }
     }
 }
 
