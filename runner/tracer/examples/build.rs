@@ -87,7 +87,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     t.total,
                     s.nodes,
                     s.depth,
-                    format!("{}/{}", s.tail, best.recorded),
+                    format!("{}/{}", s.iterations, best.recorded),
                     tree.sah_cost,
                     tree.triangles_per_leaf
                 );

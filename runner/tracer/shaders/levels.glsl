@@ -2,7 +2,8 @@
 //
 // Level k holds the inner nodes [first[k], first[k + 1]), whose children all lie in front of first[k].
 // Large levels have a dispatch each, whose workgroup count the GPU wrote; from level `tail` on they are
-// so small that one workgroup goes through them all, with a barrier after each.
+// so small that one workgroup goes through them all, with a barrier after each, in less time than it takes
+// to launch one.
 
 #ifndef LEVELS_GLSL
 #define LEVELS_GLSL
@@ -19,7 +20,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Levels {
     uint count;
     uint tail;
     uint leaves;
-    uint unused;
+    // Those that the clustering made before it, too, went on in one workgroup.
+    uint iterations;
     uint first[MAX_LEVELS + 1];
     DispatchArguments arguments[MAX_LEVELS];
 };

@@ -26,6 +26,10 @@ const uint SUPERBLOCK = 32;
 const uint SMALL = 1024;
 const uint PATIENCE = 128;
 
+// From this many clusters on, passes over the levels take one workgroup. A level then has a tenth as many
+// nodes.
+const uint FEW = 4096;
+
 struct Step {
     uint clusters;
     uint forced;

@@ -21,7 +21,7 @@ use crate::{
     sort::{Sort, SortBuffers},
 };
 use serde::{Deserialize, Serialize};
-use std::cell::Cell;
+use std::{cell::Cell, ops::Range};
 
 /// Everything that may be chosen about a build.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -83,8 +83,8 @@ pub struct Builder {
 #[derive(Debug)]
 pub struct BuildWorkspace {
     capacity: usize,
-    /// Triangles of the last build, and the iterations before the tail that it needed.
-    last: Cell<Option<(usize, u32)>>,
+    /// Triangles of the last build, and what it needed.
+    last: Cell<Option<(usize, Dispatches)>>,
     bounds: Buffer,
     sort: SortBuffers,
     tree: Bvh2Buffers,
@@ -97,12 +97,28 @@ pub struct BuildWorkspace {
     pub triangles: Buffer,
 }
 
+/// What to build over.
+#[derive(Clone, Copy)]
+struct Input<'a> {
+    triangles: &'a Buffer,
+    count: usize,
+}
+
+/// How many dispatches to record where only the GPU knows how many there is work for.
+#[derive(Clone, Copy, Debug)]
+struct Dispatches {
+    /// Iterations of the clustering.
+    iterations: u32,
+    /// Levels in the stages that go level by level.
+    levels: u32,
+}
+
 /// What a build made and how long it took.
 #[derive(Clone, Debug)]
 pub struct BuildReport {
     /// Numbers of nodes and levels, and the depth.
     pub summary: Summary,
-    /// Iterations of the clustering that were recorded before its tail; `summary.tail` were needed.
+    /// Iterations of the clustering that were recorded before its tail; `summary.iterations` were needed.
     pub recorded: u32,
     /// Time by phase.
     pub milliseconds: BuildMilliseconds,
@@ -198,22 +214,27 @@ impl Builder {
         check(count)?;
         assert!(count <= workspace.capacity, "{count} triangles in a workspace for {}", workspace.capacity);
         assert!(36 * count as u64 <= triangles.bytes(), "{count} triangles in {triangles:?}");
+        let input = Input { triangles, count };
         let mut timings = Timings::default();
         let mut done = 0;
         let mut recorded = match workspace.last.get() {
             Some((of, needed)) if of == count => needed,
-            _ => self.ploc.iterations(count),
+            _ => {
+                let iterations = self.ploc.iterations(count);
+                Dispatches { iterations, levels: iterations }
+            }
         };
         loop {
             let mut pass = Pass::new(&self.gpu)?;
             pass.time_dispatches(time_dispatches);
             pass.scope("build", |pass| {
-                let order = (done == 0).then(|| self.record_order(pass, workspace, triangles, count));
-                self.record_tree(pass, workspace, triangles, count, order, done..recorded);
+                let order = (done == 0).then(|| self.record_order(pass, workspace, input));
+                self.record_tree(pass, workspace, input, order, done..recorded.iterations, recorded.levels);
             });
             timings.spans.extend(pass.submit()?.spans);
             let summary: Summary = workspace.rearrange.summary.read(0, 1)?[0];
-            if summary.levels > 0 || count == 1 {
+            let complete = summary.levels > 0 || count == 1;
+            if complete && summary.large_levels <= recorded.levels {
                 let milliseconds = BuildMilliseconds {
                     morton: timings.milliseconds("build/morton"),
                     sort: timings.milliseconds("build/sort"),
@@ -222,35 +243,45 @@ impl Builder {
                     rearrange: timings.milliseconds("build/rearrange"),
                     total: timings.milliseconds("build"),
                 };
-                workspace.last.set(Some((count, summary.tail)));
+                let Summary { iterations, large_levels: levels, .. } = summary;
+                workspace.last.set(Some((count, Dispatches { iterations, levels })));
+                let recorded = recorded.iterations;
                 return Ok(BuildReport { summary, recorded, milliseconds, timings });
             }
-            // A scene that clusters more slowly than any we know: go on where it stopped.
-            assert!((recorded as usize) < MAX_LEVELS, "the number of iterations is bounded, see ploc::Step");
-            done = recorded;
-            recorded = (recorded + 32).min(MAX_LEVELS as u32);
+            // Another scene than was expected: go on where it stopped. The clustering's tail, if it was
+            // reached, does the same once more.
+            done = recorded.iterations;
+            if complete {
+                recorded.levels = summary.large_levels;
+            } else {
+                assert!((done as usize) < MAX_LEVELS, "the number of iterations is bounded, see ploc::Step");
+                let iterations = (done + 32).min(MAX_LEVELS as u32);
+                recorded = Dispatches { iterations, levels: iterations };
+            }
         }
     }
 
     /// Which of the value buffers holds the triangles' order.
-    fn record_order(&self, pass: &mut Pass, w: &BuildWorkspace, triangles: &Buffer, count: usize) -> usize {
+    fn record_order(&self, pass: &mut Pass, w: &BuildWorkspace, input: Input<'_>) -> usize {
+        let Input { triangles, count } = input;
         pass.scope("morton", |pass| {
             self.morton.record(pass, triangles, count, &w.bounds, &w.sort.keys[0]);
         });
         pass.scope("sort", |pass| self.sort.record(pass, &w.sort, count, self.params.morton.code_bits()))
     }
 
+    /// `steps` of the clustering, which starts afresh where there is an `order`, and what follows it, with
+    /// a dispatch for each of `large` levels.
     fn record_tree(
         &self,
         pass: &mut Pass,
         w: &BuildWorkspace,
-        triangles: &Buffer,
-        count: usize,
+        input: Input<'_>,
         order: Option<usize>,
-        steps: std::ops::Range<u32>,
+        steps: Range<u32>,
+        large: u32,
     ) {
-        // Levels up to here can be large; those of the tail are not.
-        let large = steps.end;
+        let Input { triangles, count } = input;
         pass.scope("ploc", |pass| {
             if let Some(order) = order {
                 self.ploc.record_leaves(pass, triangles, count, &w.sort.values[order], &w.tree, &w.ploc);

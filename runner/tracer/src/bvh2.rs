@@ -141,7 +141,7 @@ pub(crate) struct LevelsHeader {
     pub count: u32,
     pub tail: u32,
     pub leaves: u32,
-    pub unused: u32,
+    pub iterations: u32,
     pub first: [u32; MAX_LEVELS + 1],
 }
 

@@ -154,6 +154,21 @@ fn rows_of_identical_boxes_halve_at_once() {
     assert_silent();
 }
 
+/// What a workspace remembers of the last scene is only a guess about the next.
+#[test]
+fn a_workspace_serves_scenes_that_need_more_or_less_than_the_last() {
+    let n = 20_000;
+    let builder = Builder::new(gpu(), &BuildParams::default()).unwrap();
+    let workspace = builder.workspace(n).unwrap();
+    let identical = awkward(n).swap_remove(0).1;
+    check(&builder, &workspace, &identical, "identical");
+    check(&builder, &workspace, &terrain(n), "a terrain after identical ones");
+    let second = check(&builder, &workspace, &terrain(n), "a terrain again");
+    assert_eq!(second.recorded, second.summary.iterations);
+    check(&builder, &workspace, &identical, "identical after a terrain");
+    assert_silent();
+}
+
 /// More iterations than were recorded: the build goes on in a second submission.
 #[test]
 fn a_slow_clustering_is_continued() {

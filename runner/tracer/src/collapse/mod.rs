@@ -14,7 +14,7 @@
 use crate::{
     bvh2::{Bvh2Buffers, MAX_TRIANGLES},
     gpu::{Buffer, Error, Gpu, Kernel, Pass, shaders},
-    ploc::LEVEL_WORKGROUP,
+    ploc::{LEVEL_WORKGROUP, TAIL_WORKGROUP},
 };
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
@@ -63,7 +63,8 @@ const _: () = {
 /// The kernel, compiled.
 #[derive(Debug)]
 pub struct Collapse {
-    kernel: Kernel,
+    level: Kernel,
+    tail: Kernel,
     params: CollapseParams,
 }
 
@@ -93,8 +94,13 @@ impl Collapse {
     /// `max_leaf` is not in 1 to 16.
     pub fn new(gpu: &Gpu, params: &CollapseParams) -> Result<Self, Error> {
         assert!((1..=16).contains(&params.max_leaf), "a leaf has 1 to 16 triangles, not {}", params.max_leaf);
-        let size = LEVEL_WORKGROUP.min(gpu.info().max_workgroup_size);
-        Ok(Self { kernel: Kernel::new(gpu, &shaders::COLLAPSE_COLLAPSE, size, &[])?, params: params.clone() })
+        let kernel = |size| Kernel::new(gpu, &shaders::COLLAPSE_COLLAPSE, size, &[]);
+        let most = gpu.info().max_workgroup_size;
+        Ok(Self {
+            level: kernel(LEVEL_WORKGROUP.min(most))?,
+            tail: kernel(TAIL_WORKGROUP.min(most))?,
+            params: params.clone(),
+        })
     }
 
     /// Allocates the subtrees of a tree of `leaves` leaves.
@@ -127,12 +133,12 @@ impl Collapse {
         for level in 0..large_levels {
             pass.dispatch_indirect(
                 "level",
-                &self.kernel,
+                &self.level,
                 &push(level),
                 &tree.levels,
                 Bvh2Buffers::arguments(level),
             );
         }
-        pass.dispatch("tail", &self.kernel, &push(TAIL), 1);
+        pass.dispatch("tail", &self.tail, &push(TAIL), 1);
     }
 }

@@ -88,6 +88,11 @@ void main() {
         state.steps[step + 1] = step_after(now, step, clusters_left);
         state.arguments[step + 1] = DispatchArguments(blocks, 1, 1);
         levels.first[step + 1] = first_node + pairs;
-        levels.arguments[step] = DispatchArguments((pairs + level_group - 1) / level_group, 1, 1);
+        bool few = now.clusters <= FEW;
+        uint level_groups = few ? 0 : (pairs + level_group - 1) / level_group;
+        levels.arguments[step] = DispatchArguments(level_groups, 1, 1);
+        if (few && (step == 0 || state.steps[step - 1].clusters > FEW)) {
+            levels.tail = step;
+        }
     }
 }

@@ -93,6 +93,7 @@ pub struct Ploc {
     merge: Kernel,
     tail: Kernel,
     radius: u32,
+    level_group: u32,
 }
 
 /// Memory that the clustering needs besides the tree.
@@ -118,6 +119,9 @@ const WORKGROUP: u32 = 512;
 
 /// Nodes that a workgroup takes where later stages process a level by a dispatch.
 pub(crate) const LEVEL_WORKGROUP: u32 = 256;
+
+/// Invocations of the one workgroup that processes all small levels, which have a few hundred nodes each.
+pub(crate) const TAIL_WORKGROUP: u32 = 512;
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -189,6 +193,7 @@ impl Ploc {
             merge: Kernel::new(gpu, &shaders::PLOC_MERGE, size, &radius)?,
             tail: Kernel::new(gpu, &shaders::PLOC_TAIL, size, &radius)?,
             radius: params.radius,
+            level_group: LEVEL_WORKGROUP.min(gpu.info().max_workgroup_size),
         })
     }
 
@@ -296,7 +301,7 @@ impl Ploc {
                 state: buffers.state.address(),
                 levels: tree.levels.address(),
                 step,
-                level_group: LEVEL_WORKGROUP,
+                level_group: self.level_group,
             };
             pass.dispatch_indirect("merge", &self.merge, &push, &buffers.state, arguments);
         }

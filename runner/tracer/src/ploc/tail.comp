@@ -32,7 +32,9 @@ void main() {
     }
     float scale = scene_scale(bounds);
     uint first_node = levels.first[step];
-    uint tail = step;
+    uint iterations = step;
+    // Else an iteration before this kernel set it.
+    bool tail_begins = step == 0 || state.steps[step - 1].clusters > FEW;
 
     for (uint slot = lane; slot < BOXES; slot += gl_WorkGroupSize.x) {
         share_box(slot, no_box());
@@ -89,7 +91,10 @@ void main() {
         }
     }
     if (lane == 0) {
-        levels.tail = tail;
+        if (tail_begins) {
+            levels.tail = iterations;
+        }
+        levels.iterations = iterations;
         levels.count = step;
     }
 }

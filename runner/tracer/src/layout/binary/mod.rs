@@ -25,7 +25,7 @@ use crate::{
     bvh2::{Aabb, Bvh2Buffers, MAX_TRIANGLES},
     collapse::TAIL,
     gpu::{Buffer, Error, Gpu, Kernel, Pass, shaders},
-    ploc::LEVEL_WORKGROUP,
+    ploc::{LEVEL_WORKGROUP, TAIL_WORKGROUP},
 };
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
@@ -132,14 +132,17 @@ pub struct Summary {
     pub depth: u32,
     /// Levels of the binary tree, that is iterations of the clustering; 0 if it is not complete.
     pub levels: u32,
-    /// Those before the single workgroup took over.
-    pub tail: u32,
+    /// Those that were processed by a dispatch each, before one workgroup took over.
+    pub large_levels: u32,
+    /// The same of the clustering itself, which needs all of a workgroup's shared memory.
+    pub iterations: u32,
 }
 
 /// The kernel, compiled.
 #[derive(Debug)]
 pub struct Rearrange {
-    kernel: Kernel,
+    level: Kernel,
+    tail: Kernel,
 }
 
 /// Memory that the rearrangement needs.
@@ -172,8 +175,9 @@ impl Rearrange {
     /// # Errors
     /// The driver's compiler failed.
     pub fn new(gpu: &Gpu) -> Result<Self, Error> {
-        let size = LEVEL_WORKGROUP.min(gpu.info().max_workgroup_size);
-        Ok(Self { kernel: Kernel::new(gpu, &shaders::LAYOUT_BINARY_REARRANGE, size, &[])? })
+        let kernel = |size| Kernel::new(gpu, &shaders::LAYOUT_BINARY_REARRANGE, size, &[]);
+        let most = gpu.info().max_workgroup_size;
+        Ok(Self { level: kernel(LEVEL_WORKGROUP.min(most))?, tail: kernel(TAIL_WORKGROUP.min(most))? })
     }
 
     /// Allocates for a tree of up to `leaves` leaves.
@@ -210,11 +214,11 @@ impl Rearrange {
             level,
             pad: 0,
         };
-        pass.dispatch("tail", &self.kernel, &push(TAIL), 1);
+        pass.dispatch("tail", &self.tail, &push(TAIL), 1);
         for level in (0..large_levels).rev() {
             pass.dispatch_indirect(
                 "level",
-                &self.kernel,
+                &self.level,
                 &push(level),
                 &tree.levels,
                 Bvh2Buffers::arguments(level),

@@ -36,7 +36,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Summary {
     uint nodes;
     uint depth;
     uint levels;
-    uint tail;
+    uint large_levels;
+    uint iterations;
 };
 
 layout(push_constant, scalar) uniform Push {
@@ -112,7 +113,8 @@ void main() {
         summary.nodes = max(whole.inner, 1);
         summary.depth = max(whole.height, 1);
         summary.levels = levels_end;
-        summary.tail = levels.tail;
+        summary.large_levels = levels.tail;
+        summary.iterations = levels.iterations;
         if (leaves == 1) {
             // A lone triangle still needs a node that holds its box. The other child is absent: its box is
             // a point at infinity, which every slab test misses, whichever way the ray goes.
