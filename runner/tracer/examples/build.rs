@@ -19,13 +19,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut lists = BTreeMap::from([("bits", vec![]), ("radius", vec![]), ("repeat", vec![10])]);
     let mut kernels = false;
     for argument in std::env::args().skip(1) {
+        // A scene may have parameters of its own: `city:triangles=100000`.
         match argument.split_once('=') {
-            Some((name, values)) => {
-                let list = lists.get_mut(name).ok_or("parameters are bits, radius and repeat")?;
+            Some((name, values)) if lists.contains_key(name) => {
+                let list = lists.get_mut(name).expect("it is there");
                 *list = values.split(',').map(str::parse).collect::<Result<Vec<u32>, _>>()?;
             }
-            None if argument == "kernels" => kernels = true,
-            None => scenes.push(argument),
+            _ if argument == "kernels" => kernels = true,
+            _ => scenes.push(argument),
         }
     }
     let defaults = BuildParams::default();
