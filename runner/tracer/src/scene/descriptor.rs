@@ -115,6 +115,27 @@ pub struct Emissive {
     pub material: MaterialKey,
     /// Emitted radiance, linear RGB.
     pub radiance: [f32; 3],
+    /// Only triangles of the material that lie wholly in this box emit: a ceiling that shares its
+    /// material with the walls. All of them if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within: Option<Region>,
+}
+
+/// A box along the axes.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Region {
+    /// Its lowest corner.
+    pub low: [f32; 3],
+    /// Its highest corner.
+    pub high: [f32; 3],
+}
+
+impl Region {
+    /// Whether a point is in the box or on its faces.
+    pub fn contains(&self, point: [f32; 3]) -> bool {
+        (0..3).all(|k| self.low[k] <= point[k] && point[k] <= self.high[k])
+    }
 }
 
 /// How a descriptor names a material.

@@ -114,7 +114,7 @@ fn load_named(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
             (geometry, Origin::File { path, sha256: found })
         }
     };
-    light(&mut geometry.materials, &descriptor, &mut report);
+    light(&mut geometry, &descriptor, &mut report);
     let views = if descriptor.views.is_empty() {
         views::place(&geometry.positions)
     } else {
@@ -203,7 +203,7 @@ fn load_path(path: &Path) -> Result<Scene, SceneError> {
     let known = catalog::by_hash(&sha256);
     if let Some((name, descriptor)) = &known {
         report.notes.push(format!("the file is that of scene '{name}': its sky and lights are used"));
-        light(&mut geometry.materials, descriptor, &mut report);
+        light(&mut geometry, descriptor, &mut report);
     }
     let views = match (beside, &known) {
         (Some(views), _) => views,
@@ -277,18 +277,39 @@ fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Makes materials emit as the descriptor says.
-fn light(materials: &mut [Material], descriptor: &Descriptor, report: &mut LoadReport) {
+/// Makes materials emit as the descriptor says. Where only part of a material emits, that part becomes
+/// a material of its own.
+fn light(geometry: &mut Geometry, descriptor: &Descriptor, report: &mut LoadReport) {
     for emissive in &descriptor.emissive {
         let mut found = false;
-        for (i, material) in materials.iter_mut().enumerate() {
+        for i in 0..geometry.materials.len() {
             let meant = match &emissive.material {
                 MaterialKey::Index(index) => *index as usize == i,
-                MaterialKey::Name(name) => name == "*" || *name == material.name,
+                MaterialKey::Name(name) => name == "*" || *name == geometry.materials[i].name,
             };
-            if meant {
-                material.emission = emissive.radiance;
-                found = true;
+            if !meant {
+                continue;
+            }
+            match emissive.within {
+                None => {
+                    geometry.materials[i].emission = emissive.radiance;
+                    found = true;
+                }
+                Some(region) => {
+                    let part = geometry.materials.len() as u32;
+                    let mut any = false;
+                    for (id, triangle) in geometry.material_ids.iter_mut().zip(&geometry.positions) {
+                        if *id == i as u32 && triangle.iter().all(|&corner| region.contains(corner)) {
+                            *id = part;
+                            any = true;
+                        }
+                    }
+                    if any {
+                        let whole = geometry.materials[i].clone();
+                        geometry.materials.push(Material { emission: emissive.radiance, ..whole });
+                        found = true;
+                    }
+                }
             }
         }
         if !found {
@@ -364,6 +385,42 @@ mod tests {
         for part in ["/nowhere", "sponza.glb", "http", "--scene-dir", "BROADLEAF_SCENES"] {
             assert!(message.contains(part), "{part}: {message}");
         }
+    }
+
+    #[test]
+    fn part_of_a_material_can_emit() {
+        let folder = tempfile::tempdir().unwrap();
+        let obj = "v 0 0 0\nv 1 0 0\nv 0 0 1\nv 0 3 0\nv 1 3 0\nv 0 3 1\nf 1 2 3\nf 4 5 6\nf 1 2 6\n";
+        std::fs::write(folder.path().join("room.obj"), obj).unwrap();
+        let toml = "title = 't'\nlicence = 'l'\ncredit = 'c'\n[source]\nfile = 'room.obj'\n\
+                    [[emissive]]\nmaterial = 0\nradiance = [1, 2, 3]\n\
+                    within = { low = [-9, 2.5, -9], high = [9, 3.5, 9] }\n\
+                    [[emissive]]\nmaterial = 'lamp'\nradiance = [1, 2, 3]\n";
+        std::fs::write(folder.path().join("room.toml"), toml).unwrap();
+        let scene = load("room", &SearchPath::only([folder.path().to_owned()])).unwrap();
+        let emission: Vec<f32> =
+            scene.material_ids.iter().map(|&id| scene.materials[id as usize].emission[1]).collect();
+        assert_eq!(emission, [0.0, 2.0, 0.0]);
+        assert!(scene.report.notes.iter().any(|note| note.contains("lamp")), "{:?}", scene.report);
+        assert_eq!(scene.views.len(), 8);
+    }
+
+    #[test]
+    fn a_closed_file_without_lamps_glows() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("room.obj");
+        let room = super::super::Generator::Cornell.generate(500, 1).positions;
+        let mut obj = String::new();
+        for corner in room.iter().flatten() {
+            obj += &format!("v {} {} {}\n", corner[0], corner[1], corner[2]);
+        }
+        for i in 0..room.len() {
+            obj += &format!("f {} {} {}\n", 3 * i + 1, 3 * i + 2, 3 * i + 3);
+        }
+        std::fs::write(&path, obj).unwrap();
+        let scene = load(path.to_str().unwrap(), &nowhere()).unwrap();
+        assert!(scene.materials[0].emission[0] > 0.0, "{:?}", scene.report);
+        assert!(scene.report.notes.iter().any(|note| note.contains("glows")), "{:?}", scene.report);
     }
 
     #[test]

@@ -24,7 +24,7 @@ mod search;
 mod views;
 
 pub use catalog::{BuiltIn, built_in};
-pub use descriptor::{Descriptor, Emissive, MaterialKey, Source};
+pub use descriptor::{Descriptor, Emissive, MaterialKey, Region, Source};
 pub use error::SceneError;
 pub use generate::Generator;
 pub use load::{describe, load};

@@ -20,7 +20,6 @@ pub(super) struct Probe<'a> {
 pub(super) struct Hit {
     /// Distance in units of the ray's direction.
     pub t: f32,
-    #[cfg_attr(not(test), expect(dead_code, reason = "the light test shades by it"))]
     pub triangle: u32,
     /// Unit normal by the triangle's winding.
     pub normal: Vec3,

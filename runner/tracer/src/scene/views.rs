@@ -3,8 +3,10 @@
 //! Placement makes three kinds of candidate: all around the scene, close up, and inside it at standing
 //! height over whatever is below. Each candidate is judged by a coarse picture of rays: how much of it
 //! sees geometry, how near and how varied in depth that is, and whether it is seen from its back, which
-//! tells a camera inside a solid. The eight best that differ from each other are taken.
+//! tells a camera inside a solid; and how many different triangles it shows. Of the best, those are taken
+//! that differ from each other; an open scene gets some views of the whole.
 
+use std::collections::HashSet;
 use std::f32::consts::{PI, TAU};
 use std::path::Path;
 
@@ -22,6 +24,8 @@ const ASPECT: f32 = 1.5;
 const GRID: (u32, u32) = (12, 8);
 const INSIDE_POINTS: u64 = 96;
 const TURNS: u32 = 6;
+/// Directions in which the surroundings of a point are felt.
+const SIDES: u32 = 32;
 
 /// Reads `NAME.views.json` beside the model `NAME.…`, if there is one.
 pub(super) fn beside(model: &Path) -> Result<Option<Vec<View>>, SceneError> {
@@ -71,32 +75,42 @@ pub fn place(triangles: &[[[f32; 3]; 3]]) -> Vec<View> {
     let diagonal = if diagonal > 0.0 && diagonal.is_finite() { diagonal } else { 1.0 };
     let centre = (low + high) / 2.0;
 
-    let mut around = Vec::new();
-    for (elevation, distance) in [(0.2, 1.0), (0.6, 1.0), (0.3, 0.55)] {
-        for k in 0..12 {
-            let yaw = TAU * k as f32 / 12.0 + elevation;
-            let direction = look(yaw, elevation);
-            let target =
-                centre + if distance < 1.0 { 0.12 * diagonal * look(yaw + 1.0, 0.4) } else { Vec3::ZERO };
-            let fit = 0.5 * diagonal / (FOV_DEGREES.to_radians() / 2.0).tan();
-            around.push((target + distance * fit * direction, target));
+    let (mut whole, mut close) = (Vec::new(), Vec::new());
+    let fit = 0.5 * diagonal / (FOV_DEGREES.to_radians() / 2.0).tan();
+    for k in 0..12 {
+        let yaw = TAU * k as f32 / 12.0;
+        for elevation in [0.2, 0.6] {
+            whole.push((centre + 0.95 * fit * look(yaw + elevation, elevation), centre));
         }
+        let target = centre + 0.12 * diagonal * look(yaw + 1.0, 0.4);
+        close.push((target + 0.55 * fit * look(yaw, 0.3), target));
     }
-    let mut candidates: Vec<Candidate> =
-        around.into_par_iter().map(|(eye, target)| judge(&probe, eye, target, diagonal)).collect();
+    let judged = |cameras: Vec<(Vec3, Vec3)>| -> Vec<Candidate> {
+        cameras.into_par_iter().map(|(eye, target)| judge(&probe, eye, target, diagonal)).collect()
+    };
 
     let random = Random::new(0x5eed);
-    let inside: Vec<(Candidate, bool)> = (0..INSIDE_POINTS)
+    let inside: Vec<(Candidate, u32)> = (0..INSIDE_POINTS)
         .into_par_iter()
         .filter_map(|i| inside_candidate(&probe, &mut random.fork(i), low, high, diagonal))
         .collect();
-    let enclosed = inside.iter().filter(|(candidate, enclosed)| *enclosed && candidate.score > 0.1).count();
-    if enclosed >= COUNT && enclosed * 3 >= inside.len() {
-        // A closed interior: from outside there is only its shell.
-        candidates.clear();
+    let enclosed =
+        inside.iter().filter(|(candidate, sides)| *sides >= SIDES - 2 && candidate.score > 0.05).count();
+    let interior = enclosed >= COUNT && enclosed * 3 >= inside.len();
+    // Around a lone object more than half of all directions lead past it.
+    let sides: u32 = inside.iter().map(|(_, sides)| sides).sum();
+    let object = inside.len() * 4 < INSIDE_POINTS as usize || sides * 2 < SIDES * inside.len() as u32;
+    let inside: Vec<Candidate> = inside.into_iter().map(|(candidate, _)| candidate).collect();
+
+    let mut chosen = Vec::new();
+    let mut candidates = inside;
+    if !interior {
+        // From outside a closed interior there is only its shell; anything else is worth an overview.
+        choose(judged(whole), diagonal, if object { 4 } else { 2 }, &mut chosen);
+        candidates.extend(judged(close));
     }
-    candidates.extend(inside.into_iter().map(|(candidate, _)| candidate));
-    choose(candidates, diagonal)
+    choose(candidates, diagonal, COUNT, &mut chosen);
+    chosen
         .into_iter()
         .enumerate()
         .map(|(i, c)| View {
@@ -178,12 +192,14 @@ fn picture(eye: Vec3, target: Vec3, fov_degrees: f32) -> impl Iterator<Item = Ve
 fn judge(probe: &Probe<'_>, eye: Vec3, target: Vec3, diagonal: f32) -> Candidate {
     let rays = (GRID.0 * GRID.1) as f32;
     let (mut hits, mut near, mut back, mut sum, mut squares) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    let mut triangles = HashSet::new();
     for direction in picture(eye, target, FOV_DEGREES) {
         let Some(hit) = probe.hit(eye, direction, 0.0) else {
             continue;
         };
         hits += 1.0;
-        near += f32::from(u8::from(hit.t < 0.025 * diagonal));
+        triangles.insert(hit.triangle);
+        near += f32::from(u8::from(hit.t < 0.04 * diagonal));
         back += f32::from(u8::from(hit.normal.dot(direction) > 0.0));
         let depth = (hit.t / diagonal).max(1e-4).ln();
         sum += depth;
@@ -194,19 +210,20 @@ fn judge(probe: &Probe<'_>, eye: Vec3, target: Vec3, diagonal: f32) -> Candidate
         let spread = (squares / hits - (sum / hits) * (sum / hits)).max(0.0).sqrt();
         let seen = (hits / rays / 0.6).min(1.0);
         let front = 1.0 - back / hits;
-        score = seen * (0.2 + spread.min(1.0)) * (1.0 - near / rays).powi(3) * front * front;
+        let detail = 0.25 + 0.75 * triangles.len() as f32 / hits;
+        score = detail * seen * (0.2 + spread.min(1.0)) * (1.0 - near / rays).powi(3) * front * front;
     }
     Candidate { eye, target, score }
 }
 
-/// A camera inside the box, and whether geometry surrounds it on all sides.
+/// A camera inside the box, and on how many of [`SIDES`] sides it has geometry.
 fn inside_candidate(
     probe: &Probe<'_>,
     random: &mut Random,
     low: Vec3,
     high: Vec3,
     diagonal: f32,
-) -> Option<(Candidate, bool)> {
+) -> Option<(Candidate, u32)> {
     let size = high - low;
     let at = low + size * Vec3::new(random.unit(), random.range(0.05, 0.95), random.unit());
     let eye = match probe.hit(at, Vec3::NEG_Y, 0.0) {
@@ -214,9 +231,9 @@ fn inside_candidate(
         None => at,
     };
     let (mut hits, mut back) = (0, 0);
-    for k in 0..32 {
+    for k in 0..SIDES {
         // A Fibonacci sphere.
-        let y = 1.0 - (2.0 * k as f32 + 1.0) / 32.0;
+        let y = 1.0 - (2.0 * k as f32 + 1.0) / SIDES as f32;
         let direction = look(k as f32 * 2.399_963, y.asin());
         if let Some(hit) = probe.hit(eye, direction, 0.0) {
             if hit.t < 0.012 * diagonal {
@@ -236,14 +253,12 @@ fn inside_candidate(
             judge(probe, eye, eye + 0.2 * diagonal * direction, diagonal)
         })
         .max_by(|a, b| a.score.total_cmp(&b.score))
-        .map(|candidate| (candidate, hits >= 30))
+        .map(|candidate| (candidate, hits))
 }
 
-/// Takes the best, and then again and again the best of those that differ most from all taken.
-fn choose(candidates: Vec<Candidate>, diagonal: f32) -> Vec<Candidate> {
-    let mut left = candidates;
-    let mut chosen: Vec<Candidate> = Vec::new();
-    while chosen.len() < COUNT {
+/// Until there are `count` views, takes the best of those that differ most from all taken so far.
+fn choose(mut candidates: Vec<Candidate>, diagonal: f32, count: usize, chosen: &mut Vec<Candidate>) {
+    while chosen.len() < count {
         let worth = |c: &Candidate| {
             let difference = chosen
                 .iter()
@@ -254,12 +269,11 @@ fn choose(candidates: Vec<Candidate>, diagonal: f32) -> Vec<Candidate> {
                 .fold(1.0, f32::min);
             c.score * (difference + 0.02)
         };
-        let Some(best) = (0..left.len()).max_by(|&a, &b| worth(&left[a]).total_cmp(&worth(&left[b]))) else {
-            break;
-        };
-        chosen.push(left.swap_remove(best));
+        let best =
+            (0..candidates.len()).max_by(|&a, &b| worth(&candidates[a]).total_cmp(&worth(&candidates[b])));
+        let Some(best) = best else { break };
+        chosen.push(candidates.swap_remove(best));
     }
-    chosen
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
     let random = Random::new(seed);
     let cells = ((triangles as f64 * 0.03 / 2.0).sqrt() as u32).clamp(4, 512);
     let mut left = triangles.saturating_sub(2 * u64::from(cells) * u64::from(cells));
-    let grass = left / 12;
+    let grass = left / 6;
     left -= grass;
     let trees = ((14.0 * (triangles as f64 / 1000.0).powf(0.42)) as u64).clamp(8, 600);
 
@@ -43,7 +43,7 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
     parts.par_extend(chunks.into_par_iter().map(|first| {
         let mut mesh = Mesh::default();
         let mut random = random.fork(0x6_0000_0000 + first);
-        let height = (1.8 / (grass as f32).powf(0.15)).clamp(0.15, 0.6);
+        let height = (2.2 / (grass as f32).powf(0.15)).clamp(0.2, 0.7);
         for _ in first..(first + (1 << 14)).min(grass) {
             blade(&mut mesh, &mut random, height);
         }
@@ -133,7 +133,7 @@ fn tree(mut random: Random, foot: Vec3, budget: u64) -> Mesh {
     }
 
     let leaves = (budget.saturating_sub(mesh.triangles.len() as u64) / 2).max(1);
-    let size = (2.6 / (leaves as f32).sqrt()).clamp(0.02, 0.5);
+    let size = (9.0 / (leaves as f32).sqrt()).clamp(0.03, 0.9);
     let colour = LEAVES[if random.below(6) == 0 { 2 } else { random.below(2) as usize }];
     for _ in 0..leaves {
         let (centre, spread) = twigs[random.below(twigs.len() as u32) as usize];
@@ -155,7 +155,7 @@ fn blade(mesh: &mut Mesh, random: &mut Random, tall: f32) {
     let foot = on_ground(x, z);
     let turn = random.range(0.0, std::f32::consts::TAU);
     let tall = tall * random.range(0.5, 1.2);
-    let side = Vec3::new(turn.cos(), 0.0, turn.sin()) * (0.07 * tall + 0.004);
+    let side = Vec3::new(turn.cos(), 0.0, turn.sin()) * (0.1 * tall + 0.006);
     let tip = foot + Vec3::new(random.range(-0.3, 0.3), 1.0, random.range(-0.3, 0.3)) * tall;
     mesh.triangle(foot - side, foot + side, tip, GRASS);
 }

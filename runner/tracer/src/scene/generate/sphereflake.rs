@@ -97,7 +97,7 @@ fn division(triangles: u64) -> (u32, u32) {
     for stacks in 2..2300u32 {
         let slices = (triangles as f64 / (2.0 * f64::from(stacks - 1))).round().max(3.0) as u32;
         // Round balls: about twice as many slices as stacks.
-        if stacks > 2 && (slices < stacks + stacks / 2 || slices > 2 * stacks + 4) {
+        if slices < stacks + stacks / 2 || slices > 2 * stacks + 4 {
             continue;
         }
         let off = (2 * u64::from(slices) * u64::from(stacks - 1)).abs_diff(triangles);
