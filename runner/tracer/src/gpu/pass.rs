@@ -4,6 +4,8 @@ use bytemuck::NoUninit;
 
 /// Timestamps a pass can hold: two a span.
 pub(super) const QUERIES: u32 = 8192;
+/// Of which so many are reset at a time, because most passes need few.
+const QUERIES_RESET: u32 = 128;
 
 /// How ticks become milliseconds.
 #[derive(Clone, Copy, Debug)]
@@ -95,7 +97,6 @@ impl Pass {
                 vk::CommandBufferAllocateInfo::default().command_pool(pass.pool).command_buffer_count(1);
             pass.commands = device.allocate_command_buffers(&info).context("allocating a command buffer")?[0];
             device.begin_command_buffer(pass.commands, &begin).context("beginning a command buffer")?;
-            device.cmd_reset_query_pool(pass.commands, pass.queries, 0, QUERIES);
         }
         Ok(pass)
     }
@@ -234,6 +235,13 @@ impl Pass {
             return None;
         }
         let begin = self.used;
+        if begin.is_multiple_of(QUERIES_RESET) {
+            // SAFETY: the command buffer is recording, and QUERIES is a multiple of QUERIES_RESET.
+            unsafe {
+                let device = &self.gpu.inner.device;
+                device.cmd_reset_query_pool(self.commands, self.queries, begin, QUERIES_RESET);
+            }
+        }
         self.used += 2;
         self.spans.push((self.path.join("/"), begin, begin + 1));
         self.timestamp(begin);
@@ -248,7 +256,7 @@ impl Pass {
     }
 
     fn timestamp(&self, query: u32) {
-        // SAFETY: the command buffer is recording, the query is in range and was reset in `new`.
+        // SAFETY: the command buffer is recording, the query is in range and `begin_span` reset it.
         unsafe {
             self.gpu.inner.device.cmd_write_timestamp2(
                 self.commands,

@@ -27,10 +27,7 @@ layout(push_constant, scalar) uniform Arguments {
 };
 
 vec3 sky(vec3 direction) {
-    // The ground begins softly under the horizon, to keep a hard edge out of the pictures.
-    float height = direction.y;
-    return height >= 0.0 ? mix(scene.horizon, scene.zenith, sqrt(height))
-                         : mix(scene.horizon, scene.ground, min(1.0, -height * 8.0));
+    return mix(scene.horizon, direction.y >= 0.0 ? scene.zenith : scene.ground, abs(direction.y));
 }
 
 // A direction about `normal` with density cosine / pi.

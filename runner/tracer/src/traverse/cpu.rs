@@ -1,7 +1,11 @@
 //! The traversal kernel's twin: the same tests, one ray at a time, and the brute force that both are held
 //! against.
 
-use super::{Hit, Ray};
+use super::{Counts, Hit, Ray};
+use crate::{
+    bvh2::Aabb,
+    layout::{self, LeafTriangle, NodeLayout, Target},
+};
 
 /// The watertight test of `triangle.glsl`: the distance, or `None`.
 ///
@@ -31,6 +35,79 @@ pub fn intersect(ray: &Ray, t_max: f32, [v0, v1, v2]: &[[f32; 3]; 3]) -> Option<
     }
     let t = (e[0] * a[2] + e[1] * b[2] + e[2] * c[2]) * shear[2] / (e[0] + e[1] + e[2]);
     (t > ray.t_min && t < t_max).then_some(t)
+}
+
+/// `Slab` of `slab.glsl`: what the conservative box test needs of a ray.
+struct Slab {
+    inverse: [f32; 3],
+    lower: [f32; 3],
+    upper: [f32; 3],
+}
+
+impl Slab {
+    fn new(ray: &Ray, extent: f32) -> Self {
+        let inverse = ray.direction.map(|d| (if d < 0.0 { -1.0 } else { 1.0 }) / d.abs().max(1e-18));
+        let pad = ray.origin.map(|o| o.abs().max(extent) * 0.5f32.powi(21));
+        let (o, p, i) = (ray.origin, pad, inverse);
+        Self {
+            inverse,
+            lower: std::array::from_fn(|k| -(o[k] + p[k]) * i[k]),
+            upper: std::array::from_fn(|k| -(o[k] - p[k]) * i[k]),
+        }
+    }
+
+    fn enter(&self, bounds: &Aabb, t_min: f32, t_max: f32) -> Option<f32> {
+        let (mut enters, mut leaves) = (t_min, t_max);
+        for k in 0..3 {
+            let a = bounds.lo[k].mul_add(self.inverse[k], self.lower[k]);
+            let b = bounds.hi[k].mul_add(self.inverse[k], self.upper[k]);
+            enters = enters.max(a.min(b));
+            leaves = leaves.min(a.max(b));
+        }
+        (enters <= leaves).then_some(enters)
+    }
+}
+
+/// The nearest hit through a tree in any layout: children nearest first, leaves when they are reached.
+/// `extent` is the scene's largest absolute coordinate.
+///
+/// The kernel visits no fewer nodes: while some lane of its subgroup looks for a leaf, others go on with a
+/// leaf postponed, not knowing yet what it would have cut off.
+pub fn closest_hit<L: NodeLayout>(
+    nodes: &[L::Node],
+    triangles: &[LeafTriangle],
+    extent: f32,
+    ray: &Ray,
+) -> (Hit, Counts) {
+    let slab = Slab::new(ray, extent);
+    let mut best = Hit { t: ray.t_max.min(f32::MAX), triangle: Hit::MISS };
+    let mut counts = Counts::default();
+    let mut stack = vec![Target::Node(0)];
+    while let Some(target) = stack.pop() {
+        match target {
+            Target::Node(index) => {
+                counts.nodes += 1;
+                let mut hit: Vec<(f32, Target)> = Vec::new();
+                for child in layout::children::<L>(&nodes[index as usize]) {
+                    counts.boxes += 1;
+                    if let Some(t) = slab.enter(&child.bounds, ray.t_min, best.t) {
+                        hit.push((t, child.target));
+                    }
+                }
+                hit.sort_by(|a, b| b.0.total_cmp(&a.0));
+                stack.extend(hit.into_iter().map(|(_, target)| target));
+            }
+            Target::Leaf { first, count } => {
+                for triangle in &triangles[first as usize..(first + count) as usize] {
+                    counts.triangles += 1;
+                    if let Some(t) = intersect(ray, best.t, &triangle.corners()) {
+                        best = Hit { t, triangle: triangle.primitive };
+                    }
+                }
+            }
+        }
+    }
+    (if best.triangle == Hit::MISS { Hit::NONE } else { best }, counts)
 }
 
 /// Tests every triangle.
