@@ -151,7 +151,7 @@ impl Stage {
         let names: Vec<String> = loaded.scene.views.iter().map(|v| v.name.clone()).collect();
         let view = args::pick(&names, &seen.view).map_err(anyhow::Error::msg)?[0];
         let camera = Camera::new(&loaded.scene.views[view], size.width, size.height);
-        let planted = session.plant(&loaded, variant, &params, 1, |_| ())?;
+        let planted = session.plant(&loaded, variant, &params, None, 1, |_| ())?;
         Ok(Self { session, loaded, planted, params, camera, view: names[view].clone() })
     }
 }
@@ -254,7 +254,7 @@ pub fn trace(global: &Global, trace: &args::Trace) -> anyhow::Result<()> {
     let rays = rayfile::read_rays(&trace.rays)?;
     let session = Session::open(global)?;
     let loaded = session.load(&trace.scene)?;
-    let planted = session.plant(&loaded, variant, &params, 1, |_| ())?;
+    let planted = session.plant(&loaded, variant, &params, None, 1, |_| ())?;
     let traversal = session.traversal(&planted, &params, false)?;
     let gpu = &session.gpu;
     let ray_buffer = gpu.upload("rays", &rays)?;

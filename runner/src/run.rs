@@ -13,7 +13,11 @@ use crate::{
 use anyhow::Context;
 use indicatif::ProgressBar;
 use record::{Build, Count, Counters, Launch, Phase, Point, Record, Repetition, Source};
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::BTreeMap,
+    path::Path,
+    time::{Duration, Instant},
+};
 use tracer::{
     builder::BuildReport,
     gpu::{DeviceInfo, DeviceKind, shaders},
@@ -43,6 +47,7 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
         size,
         samples: run.samples.unwrap_or(if cpu { 3 } else { 15 }),
         warm_up: run.warm_up,
+        warm_up_time: if cpu { Duration::ZERO } else { WARM_UP_TIME },
         builds: run.builds.unwrap_or(if cpu { 3 } else { 10 }),
         path: path::Params { depth: run.depth, seed: run.seed },
         params,
@@ -121,10 +126,16 @@ struct Plan {
     size: Size,
     samples: u32,
     warm_up: u32,
+    /// Least time spent on warming up before builds and before each view, where warming up is wanted.
+    warm_up_time: Duration,
     builds: u32,
     path: path::Params,
     params: Params,
 }
+
+/// A GPU lowers its clocks within a second of idling, while the host loads a scene or reads counters back,
+/// and takes a while to raise them again.
+const WARM_UP_TIME: Duration = Duration::from_millis(400);
 
 /// The record and the file that follows it.
 struct Writer<'a> {
@@ -157,12 +168,11 @@ impl Measuring<'_> {
         let scene = &self.loaded.scene;
         self.bar.set_message(format!("{}, {}: building", scene.name, self.variant));
         let mut repetitions = Vec::new();
-        let planted = self.session.plant(self.loaded, self.variant, &plan.params, plan.builds, |report| {
-            repetitions.push(repetition(report));
-        })?;
-        if repetitions.len() > 1 {
-            repetitions.remove(0);
-        }
+        let warm_up = (plan.warm_up > 0).then_some(plan.warm_up_time);
+        let planted =
+            self.session.plant(self.loaded, self.variant, &plan.params, warm_up, plan.builds, |report| {
+                repetitions.push(repetition(report));
+            })?;
         writer.record.results.push(Point {
             scene: described(scene),
             variant: self.variant.to_string(),
@@ -206,10 +216,13 @@ impl Measuring<'_> {
         let plan = self.plan;
         self.bar.set_message(format!("{}, {}, {}", self.loaded.scene.name, self.variant, view.name));
         let camera = Camera::new(view, plan.size.width, plan.size.height);
-        for sample in 0..plan.warm_up {
-            tracer.sample(timed, &planted.tree, &camera, u32::MAX - sample)?;
-            self.bar.inc(1);
+        let started = Instant::now();
+        let mut warmed = 0;
+        while warmed < plan.warm_up || (plan.warm_up > 0 && started.elapsed() < plan.warm_up_time) {
+            tracer.sample(timed, &planted.tree, &camera, u32::MAX - warmed)?;
+            warmed += 1;
         }
+        self.bar.inc(u64::from(plan.warm_up));
         let before = self.telemetry.sample();
         let mut samples = Vec::new();
         for sample in 0..plan.samples {
@@ -222,20 +235,14 @@ impl Measuring<'_> {
             self.bar.inc(1);
         }
         let after = self.telemetry.sample();
-        let mut counters = Counters::default();
-        tracer.wavefronts(counting, &planted.tree, &camera, 0, |wave| {
-            let sum =
-                |of: fn(&tracer::traverse::Counts) -> u32| wave.counts.iter().map(|c| u64::from(of(c))).sum();
-            if !wave.rays.is_empty() {
-                counters.depths.push(Count {
-                    rays: wave.rays.len() as u64,
-                    nodes: sum(|c| c.nodes),
-                    boxes: sum(|c| c.boxes),
-                    triangles: sum(|c| c.triangles),
-                });
-            }
-            true
-        })?;
+        let counts = tracer.count(counting, &planted.tree, &camera, 0)?;
+        let depths = counts.iter().map(|c| Count {
+            rays: c.rays,
+            nodes: c.nodes,
+            boxes: c.boxes,
+            triangles: c.triangles,
+        });
+        let counters = Counters { depths: depths.collect() };
         self.bar.inc(1);
         Ok(Some(record::View {
             name: view.name.clone(),

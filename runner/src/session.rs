@@ -2,7 +2,10 @@
 
 use crate::{args::Global, params::Params, progress::remark, variant::Variant};
 use anyhow::{Context, bail};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::{
+    sync::atomic::{AtomicBool, Ordering},
+    time::{Duration, Instant},
+};
 use tracer::{
     builder::{BuildReport, Builder},
     gpu::{Buffer, Gpu, Options},
@@ -77,6 +80,7 @@ impl Session {
     }
 
     /// Builds a tree `repetitions` times in the same memory and keeps the last; `each` sees every build.
+    /// Before them come builds that it does not see: one, and more until `warm_up` has passed.
     ///
     /// # Errors
     /// Too little memory, or a parameter out of range.
@@ -85,6 +89,7 @@ impl Session {
         loaded: &Loaded,
         variant: Variant,
         params: &Params,
+        warm_up: Option<Duration>,
         repetitions: u32,
         mut each: impl FnMut(&BuildReport),
     ) -> anyhow::Result<Planted> {
@@ -93,10 +98,18 @@ impl Session {
         let count = loaded.device.triangles;
         let builder = Builder::new(&self.gpu, &params.build()).with_context(context)?;
         let workspace = builder.workspace(count).with_context(context)?;
+        let build =
+            || builder.build(&workspace, &loaded.device.positions, count, false).with_context(context);
+        if let Some(time) = warm_up {
+            let started = Instant::now();
+            build()?;
+            while started.elapsed() < time {
+                build()?;
+            }
+        }
         let mut summary = None;
         for _ in 0..repetitions {
-            let report =
-                builder.build(&workspace, &loaded.device.positions, count, false).with_context(context)?;
+            let report = build()?;
             each(&report);
             summary = Some(report.summary);
         }

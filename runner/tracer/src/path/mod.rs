@@ -9,6 +9,7 @@ use crate::{
 };
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Subgroups a workgroup of the stages that are not measured.
 const STAGE_SUBGROUPS: u32 = 8;
@@ -163,6 +164,19 @@ pub struct Sample {
     pub waves: Vec<WaveTime>,
     /// All kernels of the sample from first to last, shading included.
     pub milliseconds: f64,
+}
+
+/// What the rays of one wavefront cost together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WaveCounts {
+    /// Rays traced.
+    pub rays: u64,
+    /// Inner nodes visited.
+    pub nodes: u64,
+    /// Boxes tested.
+    pub boxes: u64,
+    /// Triangles tested.
+    pub triangles: u64,
 }
 
 /// Everything about one wavefront, read back from the device.
@@ -365,6 +379,37 @@ impl<'s> PathTracer<'s> {
         sample: u32,
         mut look: impl FnMut(Wavefront) -> bool,
     ) -> Result<(), Error> {
+        self.each_depth(traversal, tree, camera, sample, |depth, count| {
+            let now = depth % 2;
+            let paths: Vec<PathState> = self.paths[now].read(0, count)?;
+            let mut sorted: Vec<usize> = (0..count).collect();
+            sorted.par_sort_unstable_by_key(|&i| self.places[paths[i].pixel as usize]);
+            let rays: Vec<Ray> = self.rays[now].read(0, count)?;
+            let hits: Vec<Hit> = self.hits.read(0, count)?;
+            let counts: Vec<Counts> = match &self.counts {
+                Some(counts) => counts.read(0, count)?,
+                None => Vec::new(),
+            };
+            Ok(look(Wavefront {
+                depth,
+                rays: sorted.iter().map(|&i| rays[i]).collect(),
+                hits: sorted.iter().map(|&i| hits[i]).collect(),
+                pixels: sorted.iter().map(|&i| paths[i].pixel).collect(),
+                counts: if counts.is_empty() { counts } else { sorted.iter().map(|&i| counts[i]).collect() },
+            }))
+        })
+    }
+
+    /// Traces one path a pixel, a submission a depth, and calls `look` with the depth and its number of
+    /// rays while their buffers hold them, until it returns false or no rays are left.
+    fn each_depth(
+        &self,
+        traversal: &Traversal,
+        tree: &Tree,
+        camera: &Camera,
+        sample: u32,
+        mut look: impl FnMut(usize, usize) -> Result<bool, Error>,
+    ) -> Result<(), Error> {
         for depth in 0..self.params.depth as usize {
             let mut pass = Pass::new(&self.gpu)?;
             if depth == 0 {
@@ -374,24 +419,7 @@ impl<'s> PathTracer<'s> {
             pass.submit()?;
             let count =
                 *self.rays_by_depth(traversal, depth + 1)?.last().expect("depth + 1 is not 0") as usize;
-            let now = depth % 2;
-            let paths: Vec<PathState> = self.paths[now].read(0, count)?;
-            let mut sorted: Vec<usize> = (0..count).collect();
-            sorted.sort_unstable_by_key(|&i| self.places[paths[i].pixel as usize]);
-            let rays: Vec<Ray> = self.rays[now].read(0, count)?;
-            let hits: Vec<Hit> = self.hits.read(0, count)?;
-            let counts: Vec<Counts> = match &self.counts {
-                Some(counts) => counts.read(0, count)?,
-                None => Vec::new(),
-            };
-            let go_on = look(Wavefront {
-                depth,
-                rays: sorted.iter().map(|&i| rays[i]).collect(),
-                hits: sorted.iter().map(|&i| hits[i]).collect(),
-                pixels: sorted.iter().map(|&i| paths[i].pixel).collect(),
-                counts: if counts.is_empty() { counts } else { sorted.iter().map(|&i| counts[i]).collect() },
-            });
-            if count == 0 || !go_on {
+            if !look(depth, count)? || count == 0 {
                 break;
             }
             let mut pass = Pass::new(&self.gpu)?;
@@ -399,6 +427,40 @@ impl<'s> PathTracer<'s> {
             pass.submit()?;
         }
         Ok(())
+    }
+
+    /// Traces one path a pixel with a counting traversal and adds up what the rays of each depth cost;
+    /// depths without rays are left out.
+    ///
+    /// # Errors
+    /// The device was lost, or its driver ended a loop.
+    ///
+    /// # Panics
+    /// The tracer was made without counters.
+    pub fn count(
+        &self,
+        traversal: &Traversal,
+        tree: &Tree,
+        camera: &Camera,
+        sample: u32,
+    ) -> Result<Vec<WaveCounts>, Error> {
+        let buffer = self.counts.as_ref().expect("the tracer was made for counting");
+        let mut waves = Vec::new();
+        self.each_depth(traversal, tree, camera, sample, |depth, rays| {
+            let counts: Vec<Counts> = buffer.read(0, rays)?;
+            let sum = |of: fn(&Counts) -> u32| counts.par_iter().map(|c| u64::from(of(c))).sum();
+            if rays > 0 {
+                debug_assert_eq!(waves.len(), depth);
+                waves.push(WaveCounts {
+                    rays: rays as u64,
+                    nodes: sum(|c| c.nodes),
+                    boxes: sum(|c| c.boxes),
+                    triangles: sum(|c| c.triangles),
+                });
+            }
+            Ok(true)
+        })?;
+        Ok(waves)
     }
 
     /// Sets the picture to black.
