@@ -43,7 +43,7 @@ pub struct PlocParams {
 
 impl Default for PlocParams {
     fn default() -> Self {
-        Self { radius: 16 }
+        Self { radius: 8 }
     }
 }
 
