@@ -72,7 +72,7 @@ void main() {
             vec3 weights = clamp(edges / (edges.x + edges.y + edges.z), 0.0, 1.0);
             weights = mix(weights, vec3(1.0 / 3.0), 3.814697265625e-6);  // 2^-18
             vec3 position = weights.x * v0 + weights.y * v1 + weights.z * v2;
-            position += normal * (scene.extent * 1.9073486328125e-6);  // 2^-19
+            position += normal * (scene.extent * 3.814697265625e-6);  // 2^-18
 
             vec3 direction = cosine_direction(normal, random2(path.pixel, sample_, depth, seed));
             next = Ray(position, 0.0, direction, INFINITY);

@@ -26,7 +26,7 @@ layout(constant_id = 2) const uint FETCH_BELOW = 20;
 layout(constant_id = 3) const uint QUOTA = 0;
 layout(constant_id = 4) const bool COUNT = false;
 // Lanes that, when no more than these still test triangles, keep theirs postponed while others go on.
-layout(constant_id = 5) const uint POSTPONE = 4;
+layout(constant_id = 5) const uint POSTPONE = 8;
 
 // 56 bytes: the children's boxes, then their indices, in seven loads of 8 bytes.
 struct Node {
@@ -166,7 +166,7 @@ void main() {
                 bool uncertain;
                 float t = intersect(origin, shear, t_min, best.t, v0.xyz, v1.xyz, v2.xyz, uncertain);
                 if (uncertain) {
-                    t = exact_distance(origin, rays.items[ray].direction, v0.xyz, v1.xyz, v2.xyz);
+                    t = exact_distance(rays, ray, triangles, index);
                 }
                 if (t > t_min && t < best.t) {
                     best = Hit(t, floatBitsToUint(v0.w));

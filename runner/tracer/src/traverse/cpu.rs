@@ -40,7 +40,7 @@ pub fn intersect(ray: &Ray, t_max: f32, [v0, v1, v2]: &[[f32; 3]; 3]) -> Option<
     }
     let across = [a, b, c].iter().fold(0f32, |m, p| m.max(p[0].abs()).max(p[1].abs()));
     let depth = a[2].abs().max(b[2].abs()).max(c[2].abs());
-    let error = depth * (48.0 * across * (across + depth) * inverse.abs() + 8.0 * shear[2].abs());
+    let error = depth * (12.0 * across * (across + depth) * inverse.abs() + 4.0 * shear[2].abs());
     let uncertain = (t - ray.t_min).abs() < error * f32::EPSILON;
     let t = if uncertain { plane_distance(ray, &[*v0, *v1, *v2]) as f32 } else { t };
     (t > ray.t_min && t < t_max).then_some(t)

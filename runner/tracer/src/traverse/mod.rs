@@ -95,7 +95,7 @@ impl Default for Params {
             primary_subgroups: 8,
             secondary_subgroups: 8,
             fetch_below: 0.625,
-            postpone_below: 0.125,
+            postpone_below: 0.25,
             stack: 64,
         }
     }
