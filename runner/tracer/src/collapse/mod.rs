@@ -142,3 +142,21 @@ impl Collapse {
         pass.dispatch("tail", &self.tail, &push(TAIL), 1);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::interface::{Module, fields};
+
+    #[test]
+    fn the_shader_sees_arguments_as_the_host_does() {
+        Module::read(&shaders::COLLAPSE_COLLAPSE)
+            .assert_push_constants(
+                size_of::<Push>(),
+                &fields!(
+                    Push: nodes, levels, subtrees, bounds, traversal_cost, intersection_cost, max_leaf, level
+                ),
+            )
+            .assert_items("Subtrees", size_of::<Subtree>(), None);
+    }
+}
