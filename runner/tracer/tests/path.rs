@@ -8,7 +8,7 @@ use tracer::{
     bvh2::Triangle,
     path::{Camera, DeviceScene, Params, PathTracer, Sample, Wavefront},
     scene::{self as scenes, Scene, SearchPath, Sky, View},
-    traverse::{self, Hit, Traversal},
+    traverse::{self, Hit, Ray, Traversal},
 };
 
 type Point = [f32; 3];
@@ -40,8 +40,7 @@ fn render(
 fn wavefronts(scene: &Scene, view: &View, params: &Params, sample: u32) -> Vec<Wavefront> {
     let planted = plant(builder(), &scene.positions);
     let device = DeviceScene::upload(gpu(), scene).unwrap();
-    let traversal =
-        Traversal::new(gpu(), &traverse::Params::default(), planted.tree.depth, false).unwrap();
+    let traversal = Traversal::new(gpu(), &traverse::Params::default(), planted.tree.depth, false).unwrap();
     let tracer = PathTracer::new(gpu(), &device, SIZE, params, false).unwrap();
     let camera = Camera::new(view, SIZE.0, SIZE.1);
     tracer.clear().unwrap();
@@ -79,13 +78,24 @@ fn coplanar(a: &Triangle, b: &Triangle) -> bool {
 
 /// No ray leaves a closed scene, none meets the surface it starts from, and none sees a surface from
 /// behind, as it would from outside the scene or from inside a closed object. Returns the secondary rays.
-fn assert_nothing_leaks(what: &str, scene: &Scene, waves: &[Wavefront], two_sided: &[u32], sign: f64) -> usize {
+fn assert_nothing_leaks(
+    what: &str,
+    scene: &Scene,
+    waves: &[Wavefront],
+    two_sided: &[u32],
+    sign: f64,
+) -> usize {
     let mut secondary = 0;
     let mut before: HashMap<u32, u32> = HashMap::new();
     for wave in waves {
         if wave.depth > 0 {
             secondary += wave.rays.len();
-            assert_eq!(wave.rays.len(), before.len(), "{what}: every ray of depth {} goes on", wave.depth - 1);
+            assert_eq!(
+                wave.rays.len(),
+                before.len(),
+                "{what}: every ray of depth {} goes on",
+                wave.depth - 1
+            );
         }
         let mut now = HashMap::new();
         for ((ray, hit), pixel) in wave.rays.iter().zip(&wave.hits).zip(&wave.pixels) {
@@ -124,7 +134,10 @@ fn no_path_leaves_a_closed_room_or_meets_the_surface_it_starts_from() {
     assert!(secondary >= 400_000, "{secondary}");
     // The same room far from the origin, where coordinates have fewer digits behind the point.
     let mut far = room.clone();
-    far.positions.iter_mut().flatten().for_each(|p| *p = std::array::from_fn(|k| p[k] + [300.0, -100.0, 50.0][k]));
+    far.positions
+        .iter_mut()
+        .flatten()
+        .for_each(|p| *p = std::array::from_fn(|k| p[k] + [300.0, -100.0, 50.0][k]));
     let mut seen = room.views[0].clone();
     for p in [&mut seen.eye, &mut seen.target] {
         *p = std::array::from_fn(|k| p[k] + [300.0, -100.0, 50.0][k]);
@@ -152,7 +165,10 @@ fn a_furnace_has_the_radiance_of_the_geometric_series() {
             let want: f64 = (0..depth).map(|k| e * a.powi(k as i32)).sum();
             for (pixel, got) in picture.iter().enumerate() {
                 let off = (f64::from(got[channel]) - want).abs();
-                assert!(off < 1e-5 * want, "depth {depth}, pixel {pixel}: {got:?}, channel {channel} is {want}");
+                assert!(
+                    off < 1e-5 * want,
+                    "depth {depth}, pixel {pixel}: {got:?}, channel {channel} is {want}"
+                );
             }
         }
     }
@@ -208,14 +224,16 @@ fn a_picture_depends_on_its_seed_and_on_nothing_else() {
     let (first, _) = render(&room, &room.views[0], &eight, &usual, 2);
     let (again, _) = render(&room, &room.views[0], &eight, &usual, 2);
     assert!(bits(&first) == bits(&again), "the same seed gives the same bytes");
-    let other_launch = traverse::Params { primary_subgroups: 1, secondary_subgroups: 3, fetch_below: 1.0, ..usual };
+    let other_launch =
+        traverse::Params { primary_subgroups: 1, secondary_subgroups: 3, fetch_below: 1.0, ..usual };
     let (launched, _) = render(&room, &room.views[0], &eight, &other_launch, 2);
     // Where a ray meets an edge, the order in which triangles are tested decides between its sides.
     let same = first.iter().zip(&launched).filter(|(a, b)| a == b).count();
     assert!(same > PIXELS * 999 / 1000, "{same} of {PIXELS} pixels are the same however rays are scheduled");
     let (seeded, _) = render(&room, &room.views[0], &Params { seed: 4, ..eight.clone() }, &usual, 2);
-    let same = first.iter().zip(&seeded).filter(|(a, b)| a == b).count();
-    assert!(same < PIXELS / 2, "another seed changes the picture: {same} pixels are the same");
+    let lit: Vec<_> = first.iter().zip(&seeded).filter(|(a, b)| a != b || a[0] > 0.0).collect();
+    let same = lit.iter().filter(|(a, b)| a == b).count();
+    assert!(same < lit.len() / 4, "another seed changes the picture, but {same} of {} pixels", lit.len());
     let mean = |p: &[[f32; 4]]| p.iter().map(|x| f64::from(x[1])).sum::<f64>() / p.len() as f64;
     assert!((mean(&first) / mean(&seeded) - 1.0).abs() < 0.05, "but not how bright it is");
     assert!(first.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
@@ -263,11 +281,14 @@ fn secondary_rays_follow_the_cosine_and_are_independent() {
             if wave.depth == 1 {
                 let mean = cosines().sum::<f64>() / n as f64;
                 // Five standard deviations of the mean: those of a cosine are 1/sqrt(18).
-                assert!((mean - 2.0 / 3.0).abs() < 5.0 * (1.0 / 18.0 / n as f64).sqrt(), "mean cosine {mean}");
+                assert!(
+                    (mean - 2.0 / 3.0).abs() < 5.0 * (1.0 / 18.0 / n as f64).sqrt(),
+                    "mean cosine {mean}"
+                );
             }
             // Under a density of cosine / pi, the cosine's square is uniform, and so is the azimuth.
             assert!(unevenness(cosines().map(|c| (c * c).min(1.0)), 64) < 6.0, "depth {}", wave.depth);
-            let azimuth = |r: &traverse::Ray| {
+            let azimuth = |r: &Ray| {
                 let turn = f64::from(r.direction[2]).atan2(f64::from(r.direction[0]));
                 (turn / std::f64::consts::TAU + 1.0) % 1.0
             };
@@ -280,7 +301,6 @@ fn secondary_rays_follow_the_cosine_and_are_independent() {
             by_pixel[pixel as usize] =
                 (1.0 - (d[1] * d[1]).min(1.0), (d[2].atan2(d[0]) / std::f64::consts::TAU + 1.0) % 1.0);
         }
-        let cell = |a: f64, b: f64| ((a * 16.0).floor().min(15.0) + 0.5 + 0.0 * b) / 16.0;
         let pairs = |list: Vec<(f64, f64)>| {
             let joint = list.iter().map(|&(a, b)| {
                 let row = (a * 16.0).floor().min(15.0);
@@ -288,7 +308,6 @@ fn secondary_rays_follow_the_cosine_and_are_independent() {
             });
             unevenness(joint, 256)
         };
-        let _ = cell;
         assert!(pairs(by_pixel.clone()) < 6.0, "the two numbers of a ray");
         let neighbours = by_pixel.windows(2).map(|w| (w[0].0, w[1].0)).collect();
         assert!(pairs(neighbours) < 6.0, "numbers of neighbouring pixels");
@@ -307,7 +326,7 @@ fn primary_rays_are_spread_evenly_over_their_pixels() {
     // At 90 degrees the picture's half height is 1 at distance 1.
     let ahead = view([0.0; 3], [0.0, 0.0, -1.0], 90.0);
     let waves = wavefronts(&anything, &ahead, &Params { depth: 1, seed: 9 }, 4);
-    let place = |r: &traverse::Ray, pixel: u32| {
+    let place = |r: &Ray, pixel: u32| {
         let [x, y, z] = r.direction.map(f64::from);
         let half = f64::from(SIZE.1) / 2.0;
         let column = x / -z * half + f64::from(SIZE.0) / 2.0;
@@ -338,6 +357,8 @@ fn awkward_scenes_give_finite_pictures() {
         .collect();
     let mut scenes = awkward(300);
     scenes.push(("on a line", on_a_line));
+    scenes.push(("very tiny", scattered(300, 1e-11, 1e-12)));
+    scenes.push(("very huge", scattered(300, 1e10, 1e9)));
     for (what, triangles) in scenes {
         let lit = scene(triangles, [0.8; 3], [0.1; 3], [1.0; 3]);
         let (lo, hi) = lit.bounds();
