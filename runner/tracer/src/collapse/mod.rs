@@ -27,8 +27,10 @@ pub mod cpu;
 #[serde(default, deny_unknown_fields)]
 pub struct CollapseParams {
     /// c_t: what visiting an inner node costs. Larger than `intersection_cost`: larger leaves.
+    #[serde(rename = "c_t")]
     pub traversal_cost: f32,
     /// c_i: what testing one triangle costs.
+    #[serde(rename = "c_i")]
     pub intersection_cost: f32,
     /// Most triangles a leaf; 1 keeps every leaf apart, 16 is what the layouts can express.
     pub max_leaf: u32,
