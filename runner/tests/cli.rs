@@ -316,6 +316,12 @@ fn hits(path: &Path) -> Vec<Hit> {
     items(path, b"HITS").into_iter().map(|[t, triangle]| Hit { t: f32::from_bits(t), triangle }).collect()
 }
 
+/// Whether distances agree; a hit never agrees with a miss.
+fn near(a: f32, b: f32, relative: f32) -> bool {
+    let off = (a - b).abs();
+    a == b || off.is_finite() && off <= relative * a.abs()
+}
+
 /// Writes one wavefront's rays and hits, traces the rays again, and holds every `step`th hit against brute
 /// force. Returns the number of rays.
 fn rays_and_hits(at: &Path, spec: &str, more: &str, scene: &scene::Scene, depth: u32, step: usize) -> usize {
@@ -333,15 +339,14 @@ fn rays_and_hits(at: &Path, spec: &str, more: &str, scene: &scene::Scene, depth:
     assert_eq!((first.len(), again.len()), (rays.len(), rays.len()));
     // Where rays meet an edge, the two sides may be told apart differently; distances may not.
     for ((ray, a), b) in rays.iter().zip(&first).zip(&again) {
-        assert!(a == b || (a.t - b.t).abs() <= 1e-6 * a.t, "{spec}: {ray:?}: {a:?}, then {b:?}");
+        assert!(a == b || near(a.t, b.t, 1e-6), "{spec}: {ray:?}: {a:?}, then {b:?}");
     }
     for (ray, hit) in rays.iter().zip(&first).step_by(step) {
         let mut want = cpu::brute_force(&scene.positions, ray);
         if want.triangle != Hit::MISS {
             want.t = cpu::refine(ray, &scene.positions[want.triangle as usize], want.t);
         }
-        let near = hit.t == want.t || (hit.t - want.t).abs() <= 1e-5 * want.t;
-        assert!(near, "{spec}: {ray:?}: {hit:?}, brute force {want:?}");
+        assert!(near(hit.t, want.t, 1e-5), "{spec}: {ray:?}: {hit:?}, brute force {want:?}");
     }
     rays.len()
 }
