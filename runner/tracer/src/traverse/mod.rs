@@ -1,6 +1,8 @@
 //! Closest hits of many rays: one kernel a layout, launched over a queue of rays.
 
 pub mod cpu;
+#[cfg(test)]
+mod interface_tests;
 
 use crate::{
     Error,
