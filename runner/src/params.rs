@@ -66,6 +66,7 @@ impl Params {
             ("collapse.c_i", f64::from(self.collapse.intersection_cost), 0.0..=1e9),
             ("collapse.max_leaf", f64::from(self.collapse.max_leaf), 1.0..=16.0),
             ("trace.fetch_below", f64::from(self.trace.fetch_below), 0.0..=1.0),
+            ("trace.postpone_below", f64::from(self.trace.postpone_below), 0.0..=1.0),
             ("trace.stack", f64::from(self.trace.stack), 1.0..=4096.0),
         ];
         for (name, value, range) in ranges {

@@ -263,10 +263,10 @@ fn scheduling_changes_no_distance() {
     let planted = plant(builder(), &triangles);
     let rays = awkward_rays(&triangles, 5_000);
     let (want, _) = trace(usual(), true, Wave::Primary, &planted, &rays);
-    for (primary_subgroups, secondary_subgroups, fetch_below, stack) in
-        [(1, 2, 0.01, 64), (4, 8, 1.0, 96), (16, 32, 0.5, 33)]
+    for (primary_subgroups, secondary_subgroups, fetch_below, postpone_below, stack) in
+        [(1, 2, 0.01, 0.0, 64), (4, 8, 1.0, 1.0, 96), (16, 32, 0.5, 0.5, 33)]
     {
-        let params = Params { primary_subgroups, secondary_subgroups, fetch_below, stack };
+        let params = Params { primary_subgroups, secondary_subgroups, fetch_below, postpone_below, stack };
         let traversal = Traversal::new(gpu(), &params, planted.tree.depth, false).unwrap();
         for wave in [Wave::Primary, Wave::Secondary] {
             let (hits, _) = trace(&traversal, false, wave, &planted, &rays);
