@@ -61,12 +61,11 @@ Projection project(vec3 origin, Shear shear, vec3 v0, vec3 v1, vec3 v2) {
     vec3 a = permute(v0 - origin, shear.axis);
     vec3 b = permute(v1 - origin, shear.axis);
     vec3 c = permute(v2 - origin, shear.axis);
-    // A vertex must land on the same point in every triangle that shares it: so the fused operation is
-    // written out, not left to the compiler's choice in each place.
-    vec2 pa = fma(-shear.shear.xy, a.zz, a.xy);
-    vec2 pb = fma(-shear.shear.xy, b.zz, b.xy);
-    vec2 pc = fma(-shear.shear.xy, c.zz, c.xy);
-    // `precise` forbids contraction here, which would round the two sides of an edge differently.
+    // `precise` forbids contraction to fused multiply-adds, which would round the two sides of an edge
+    // differently, and on some devices move a vertex from one triangle to the next.
+    precise vec2 pa = a.xy - shear.shear.xy * a.z;
+    precise vec2 pb = b.xy - shear.shear.xy * b.z;
+    precise vec2 pc = c.xy - shear.shear.xy * c.z;
     precise vec3 edges =
         vec3(pc.x * pb.y - pc.y * pb.x, pa.x * pc.y - pa.y * pc.x, pb.x * pa.y - pb.y * pa.x);
     return Projection(edges, vec3(a.z, b.z, c.z), vec2[3](pa, pb, pc));
@@ -116,9 +115,18 @@ vec2 twofold_add(vec2 a, vec2 b) {
     precise float r = s.y + (a.y + b.y);
     return two_sum(s.x, r);
 }
+// Upper and lower twelve bits. Vulkan lets `fma` round twice, so a product's error is found the old way.
+vec2 halves(float a) {
+    precise float c = 4097.0 * a;
+    precise float upper = c - (c - a);
+    precise float lower = a - upper;
+    return vec2(upper, lower);
+}
 vec2 twofold_multiply(vec2 a, vec2 b) {
+    vec2 u = halves(a.x), v = halves(b.x);
     precise float p = a.x * b.x;
-    precise float r = fma(a.x, b.x, -p) + (a.x * b.y + a.y * b.x);
+    precise float e = ((u.x * v.x - p) + u.x * v.y + u.y * v.x) + u.y * v.y;
+    precise float r = e + (a.x * b.y + a.y * b.x);
     return two_sum(p, r);
 }
 vec2 twofold_determinant(vec2 a, vec2 b, vec2 c, vec2 d) {
@@ -133,16 +141,19 @@ float exact_distance(Rays rays, uint ray, Triangles triangles, uint triangle) {
     Floats v = Floats(triangles);
     uint origin = 8 * ray, direction = origin + 4, v0 = 12 * triangle, v1 = v0 + 4, v2 = v0 + 8;
     vec2 above = vec2(0.0), along = vec2(0.0);
+    float largest = 0.0;
     [[dont_unroll]] for (uint k = 0; k < 3; k++) {
         uint i = k == 2 ? 0 : k + 1, j = k == 0 ? 2 : k - 1;
-        vec2 normal = twofold_determinant(
-            two_sum(v.items[v1 + i], -v.items[v0 + i]), two_sum(v.items[v1 + j], -v.items[v0 + j]),
-            two_sum(v.items[v2 + i], -v.items[v0 + i]), two_sum(v.items[v2 + j], -v.items[v0 + j]));
+        vec2 e1i = two_sum(v.items[v1 + i], -v.items[v0 + i]), e1j = two_sum(v.items[v1 + j], -v.items[v0 + j]);
+        vec2 e2i = two_sum(v.items[v2 + i], -v.items[v0 + i]), e2j = two_sum(v.items[v2 + j], -v.items[v0 + j]);
+        vec2 normal = twofold_determinant(e1i, e1j, e2i, e2j);
         vec2 offset = two_sum(v.items[v0 + k], -r.items[origin + k]);
+        largest = max(largest, max(abs(e1i.x * e2j.x), abs(e1j.x * e2i.x)) * abs(offset.x));
         above = twofold_add(above, twofold_multiply(normal, offset));
         along = twofold_add(along, twofold_multiply(normal, vec2(r.items[direction + k], 0.0)));
     }
-    return above.x / along.x;
+    // Nearer than this arithmetic can tell, the ray starts on the plane.
+    return abs(above.x) <= largest * 9.094947e-13 ? 0.0 : above.x / along.x;  // 2^-40
 }
 
 #endif

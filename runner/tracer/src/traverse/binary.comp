@@ -155,6 +155,7 @@ void main() {
                 break;
             }
             steps++;
+            bool uncertain = false;
             if (leaf != NONE) {
                 uint index = leaf & 0x7FFFFFFu;
                 vec4 v0 = triangles.items[index].v0_index;
@@ -163,7 +164,6 @@ void main() {
                 if (COUNT) {
                     triangles_tested++;
                 }
-                bool uncertain;
                 float t = intersect(origin, shear, t_min, best.t, v0.xyz, v1.xyz, v2.xyz, uncertain);
                 if (uncertain) {
                     t = exact_distance(rays, ray, triangles, index);
@@ -181,8 +181,11 @@ void main() {
                     }
                 }
             }
-            if (QUOTA != 0 && steps > QUOTA) {
-                break;
+            if (QUOTA != 0) {
+                steps += subgroupAny(uncertain) ? 3 : 0;  // the loop in exact_distance
+                if (steps > QUOTA) {
+                    break;
+                }
             }
         }
 

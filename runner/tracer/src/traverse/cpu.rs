@@ -25,7 +25,7 @@ pub fn intersect(ray: &Ray, t_max: f32, [v0, v1, v2]: &[[f32; 3]; 3]) -> Option<
     let shear = [d[0] / d[2], d[1] / d[2], 1.0 / d[2]];
     let project = |v: &[f32; 3]| {
         let p = permute([v[0] - ray.origin[0], v[1] - ray.origin[1], v[2] - ray.origin[2]]);
-        [(-shear[0]).mul_add(p[2], p[0]), (-shear[1]).mul_add(p[2], p[1]), p[2]]
+        [p[0] - shear[0] * p[2], p[1] - shear[1] * p[2], p[2]]
     };
     let (a, b, c) = (project(v0), project(v1), project(v2));
     let e = [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]];
@@ -46,14 +46,24 @@ pub fn intersect(ray: &Ray, t_max: f32, [v0, v1, v2]: &[[f32; 3]; 3]) -> Option<
     (t > ray.t_min && t < t_max).then_some(t)
 }
 
-/// The distance to a triangle's plane in double precision; not finite for a ray in the plane or a triangle
-/// without area.
+/// The distance to a triangle's plane in double precision, 0 for a ray that starts on it as far as the
+/// kernel can tell; not finite for a ray in the plane or a triangle without area.
 fn plane_distance(ray: &Ray, triangle: &[[f32; 3]; 3]) -> f64 {
     let [v0, v1, v2] = triangle.map(|v| glam::DVec3::from_array(v.map(f64::from)));
     let origin = glam::DVec3::from_array(ray.origin.map(f64::from));
     let direction = glam::DVec3::from_array(ray.direction.map(f64::from));
-    let normal = (v1 - v0).cross(v2 - v0);
-    normal.dot(v0 - origin) / normal.dot(direction)
+    let (e1, e2, offset) = (v1 - v0, v2 - v0, v0 - origin);
+    let normal = e1.cross(e2);
+    let above = normal.dot(offset);
+    let products = (0..3).map(|k| {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        (e1[i] * e2[j]).abs().max((e1[j] * e2[i]).abs()) * offset[k].abs()
+    });
+    if above.abs() <= products.fold(0.0, f64::max) * 0.5f64.powi(40) {
+        0.0
+    } else {
+        above / normal.dot(direction)
+    }
 }
 
 /// `Slab` of `slab.glsl`: what the conservative box test needs of a ray.
@@ -149,7 +159,7 @@ pub fn refine(ray: &Ray, triangle: &[[f32; 3]; 3], t: f32) -> f32 {
     let length = |v: [f32; 3]| v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
     let reach = triangle.iter().map(|v| length(std::array::from_fn(|k| v[k] - ray.origin[k])));
     let reach = reach.fold(0.0, f64::max) / length(ray.direction);
-    if (exact - f64::from(t)).abs() <= 1e-3 * reach && exact > f64::from(ray.t_min) {
+    if (exact - f64::from(t)).abs() <= 1e-3 * reach.max(exact) && exact > f64::from(ray.t_min) {
         exact as f32
     } else {
         t
