@@ -28,7 +28,7 @@ impl Params {
     /// Applies assignments such as `collapse.c_t=3`.
     ///
     /// # Errors
-    /// No such parameter, or a value of the wrong kind.
+    /// No such parameter, or a value of the wrong kind or out of range.
     pub fn set(&mut self, assignments: &[String]) -> anyhow::Result<()> {
         let mut tree = serde_json::to_value(&*self)?;
         for assignment in assignments {
@@ -50,8 +50,30 @@ impl Params {
                 bail!("--set {assignment}: {name} is of the kind of {old}, its default");
             }
         }
-        *self =
+        let set: Self =
             serde_json::from_value(tree).with_context(|| format!("--set {}", assignments.join(" --set ")))?;
+        set.check()?;
+        *self = set;
+        Ok(())
+    }
+
+    /// Refuses what stages cannot work with. Workgroup sizes depend on the device and are checked there.
+    fn check(&self) -> anyhow::Result<()> {
+        let ranges = [
+            ("morton.bits", f64::from(self.morton.bits), 1.0..=21.0),
+            ("ploc.radius", f64::from(self.ploc.radius), 1.0..=64.0),
+            ("collapse.c_t", f64::from(self.collapse.traversal_cost), 0.0..=1e9),
+            ("collapse.c_i", f64::from(self.collapse.intersection_cost), 0.0..=1e9),
+            ("collapse.max_leaf", f64::from(self.collapse.max_leaf), 1.0..=16.0),
+            ("trace.fetch_below", f64::from(self.trace.fetch_below), 0.0..=1.0),
+            ("trace.postpone_below", f64::from(self.trace.postpone_below), 0.0..=1.0),
+            ("trace.stack", f64::from(self.trace.stack), 1.0..=4096.0),
+        ];
+        for (name, value, range) in ranges {
+            if !range.contains(&value) {
+                bail!("--set: {name} is from {} to {}, not {value}", range.start(), range.end());
+            }
+        }
         Ok(())
     }
 }
@@ -92,6 +114,8 @@ mod tests {
         assert!(params.set(&["collapse.c_t=high".into()]).is_err());
         assert!(params.set(&["collapse.c_t".into()]).is_err());
         assert!(params.set(&["trace={}".into()]).is_err());
+        let error = params.set(&["morton.bits=22".into()]).unwrap_err().to_string();
+        assert!(error.contains("morton.bits is from 1 to 21"), "{error}");
         assert_eq!(params, Params::default());
     }
 }

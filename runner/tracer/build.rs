@@ -104,6 +104,9 @@ impl Compiler {
     /// The files that the result depends on, or the compiler's messages.
     fn compile(&self, source: &Path, include: &Path, spirv: &Path) -> Result<Vec<String>, String> {
         let depfile = spirv.with_extension("d");
+        if let Some(files) = up_to_date(&depfile, spirv) {
+            return Ok(files);
+        }
         let mut command = match self {
             Self::Glslc => {
                 let mut c = Command::new("glslc");
@@ -127,9 +130,26 @@ impl Compiler {
                 String::from_utf8_lossy(&output.stderr)
             ));
         }
-        let rules = fs::read_to_string(&depfile).map_err(|e| format!("{}: {e}", depfile.display()))?;
-        // "target: source include include", continued by backslashes.
-        let (_, files) = rules.split_once(':').unwrap_or(("", ""));
-        Ok(files.replace("\\\n", " ").split_whitespace().map(String::from).collect())
+        dependencies(&depfile).ok_or_else(|| format!("{}: cannot be read", depfile.display()))
     }
+}
+
+/// What a dependency file lists: `target: source include include`, continued by backslashes, with a
+/// backslash before each space inside a name.
+fn dependencies(depfile: &Path) -> Option<Vec<String>> {
+    let rules = fs::read_to_string(depfile).ok()?;
+    let (_, files) = rules.split_once(": ")?;
+    let files = files.replace("\\\n", " ").replace("\\ ", "\0");
+    Some(files.split_whitespace().map(|name| name.replace('\0', " ")).collect())
+}
+
+/// The dependencies of an earlier run whose result is newer than all of them: cargo runs this script for
+/// every change under `src/`, and most are not to shaders.
+fn up_to_date(depfile: &Path, spirv: &Path) -> Option<Vec<String>> {
+    let modified = |path: &Path| fs::metadata(path).and_then(|m| m.modified()).ok();
+    let made = modified(spirv)?;
+    let script = modified(&env::current_exe().ok()?)?;
+    let files = dependencies(depfile)?;
+    let older = |file: &String| modified(Path::new(file)).is_some_and(|time| time < made);
+    (script < made && files.iter().all(older)).then_some(files)
 }

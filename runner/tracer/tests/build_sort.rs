@@ -1,8 +1,8 @@
 //! The radix sort against the standard library's.
 
-mod build_support;
+mod support;
 
-use build_support::{Random, assert_silent, gpu};
+use support::{Random, assert_silent, gpu};
 use tracer::{
     gpu::Pass,
     sort::{self, Sort, SortBuffers},

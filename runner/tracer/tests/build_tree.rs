@@ -1,8 +1,8 @@
 //! Every stage of a build against its twin on the CPU, on ordinary and awkward scenes.
 
-mod build_support;
+mod support;
 
-use build_support::{assert_silent, awkward, gpu, scattered, terrain};
+use support::{assert_silent, awkward, gpu, scattered, terrain};
 use tracer::{
     builder::{BuildError, BuildParams, BuildReport, BuildWorkspace, Builder, build},
     bvh2::Triangle,

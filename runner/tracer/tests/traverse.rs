@@ -1,122 +1,562 @@
-//! Rays on the device against brute force.
+//! The traversal kernel against its twin, against brute force, and where answers are known.
 
+mod support;
+
+use rayon::prelude::*;
+use std::sync::OnceLock;
+use support::{Planted, Random, assert_silent, awkward, builder, gpu, icosphere, mesh, plant, scattered};
 use tracer::{
-    gpu::{Gpu, Options, Pass},
-    traverse::{self, Buffers, Hit, Queue, Ray, Traversal, Tree, Wave, cpu},
+    Error,
+    builder::{BuildParams, Builder},
+    bvh2::Triangle,
+    collapse::CollapseParams,
+    gpu::Pass,
+    layout::binary::Binary,
+    traverse::{Buffers, Counts, Hit, Params, Queue, Ray, Traversal, Wave, cpu},
 };
 
-fn gpu() -> Gpu {
-    Gpu::open(&Options { validate: true, ..Options::default() }).expect("scripts/setup installs a driver")
+type Point = [f32; 3];
+
+/// The kernels with the usual parameters, which count; for trees of a depth below 64.
+fn usual() -> &'static Traversal {
+    static KERNELS: OnceLock<Traversal> = OnceLock::new();
+    KERNELS.get_or_init(|| Traversal::new(gpu(), &Params::default(), 0, true).unwrap())
 }
 
-fn boxed(triangles: &[[[f32; 3]; 3]], ids: &[u32]) -> ([f32; 3], [f32; 3]) {
-    let mut lo = [f32::INFINITY; 3];
-    let mut hi = [f32::NEG_INFINITY; 3];
-    for &id in ids {
-        for v in triangles[id as usize] {
-            for k in 0..3 {
-                lo[k] = lo[k].min(v[k]);
-                hi[k] = hi[k].max(v[k]);
+/// What stands in memory before a launch: no hit that a kernel writes looks like it.
+const POISON: u32 = 0xABAB_ABAB;
+
+/// Traces rays once and requires that each was finished exactly once, and nothing else was touched.
+fn trace(
+    traversal: &Traversal,
+    counting: bool,
+    wave: Wave,
+    planted: &Planted,
+    rays: &[Ray],
+) -> (Vec<Hit>, Vec<Counts>) {
+    let n = rays.len();
+    assert!(planted.tree.depth < traversal.stack(), "the stack is deep enough");
+    let ray_buffer = gpu().upload("rays", rays).unwrap();
+    // Room for as many as the largest workgroup beyond the last ray.
+    let hits = gpu().buffer("hits", 8 * (n as u64 + 1024)).unwrap();
+    let counts = gpu().buffer("counts", 16 * (n as u64 + 1024)).unwrap();
+    let queue = gpu().upload("queue", &[Queue { count: n as u32, ..Queue::default() }]).unwrap();
+    let buffers = Buffers {
+        rays: ray_buffer.address(),
+        hits: hits.address(),
+        queue: queue.address(),
+        counts: if counting { counts.address() } else { 0 },
+    };
+    let mut pass = Pass::new(gpu()).unwrap();
+    pass.fill(&hits, POISON);
+    pass.fill(&counts, POISON);
+    traversal.record(&mut pass, "trace", wave, &planted.tree, &buffers, n);
+    pass.submit().unwrap();
+    let queue: Queue = queue.read(0, 1).unwrap()[0];
+    assert_eq!((queue.count, queue.finished, queue.unused), (n as u32, n as u32, 0));
+    assert!(queue.next >= queue.count, "{queue:?}");
+    let all: Vec<Hit> = hits.read(0, n + 1024).unwrap();
+    let all_counts: Vec<Counts> = counts.read(0, n + 1024).unwrap();
+    let poison = Counts { nodes: POISON, boxes: POISON, triangles: POISON, unused: POISON };
+    assert!(all[..n].iter().all(|h| h.triangle != POISON), "every hit is written");
+    assert!(all[n..].iter().all(|h| h.triangle == POISON && h.t.to_bits() == POISON), "and none behind");
+    let counted = if counting { n } else { 0 };
+    assert!(all_counts[..counted].iter().all(|c| c.nodes != POISON && c.unused == 0));
+    assert!(all_counts[counted..].iter().all(|c| *c == poison), "counts are written by counting kernels");
+    (all[..n].to_vec(), all_counts[..counted].to_vec())
+}
+
+/// Distances agree: to 1e-5 of themselves, and to what single precision can tell about the scene's extent
+/// when that is divided by the direction's length.
+fn agree(a: f32, b: f32, ray: &Ray, extent: f32) -> bool {
+    let reach = ray.origin.iter().fold(extent, |m, x| m.max(x.abs()));
+    let length = ray.direction.iter().map(|d| d * d).sum::<f32>().sqrt();
+    // A hit never agrees with a miss.
+    let off = (a - b).abs();
+    a == b || off.is_finite() && off <= 1e-5 * a.abs().max(b.abs()) + 1e-6 * reach / length
+}
+
+fn ray(origin: Point, direction: Point) -> Ray {
+    Ray { origin, t_min: 0.0, direction, t_max: f32::INFINITY }
+}
+
+fn towards(origin: Point, target: Point) -> Ray {
+    ray(origin, std::array::from_fn(|k| target[k] - origin[k]))
+}
+
+/// Rays of every awkward kind through a scene, none without a direction.
+fn awkward_rays(triangles: &[Triangle], n: usize) -> Vec<Ray> {
+    let corners = triangles.as_flattened();
+    let lo: Point = std::array::from_fn(|k| corners.iter().fold(f32::INFINITY, |m, p| m.min(p[k])));
+    let hi: Point = std::array::from_fn(|k| corners.iter().fold(f32::NEG_INFINITY, |m, p| m.max(p[k])));
+    let size = (0..3).fold(0f32, |m, k| m.max(hi[k] - lo[k]));
+    let size = if size > 0.0 { size } else { 1.0 };
+    let mut random = Random(n as u64);
+    let mut rays = Vec::new();
+    while rays.len() < n {
+        let r = &mut random;
+        let mut inside = |grow: f32| -> Point {
+            std::array::from_fn(|k| lo[k] + (hi[k] - lo[k]) * r.unit() + size * grow * (r.unit() - 0.5))
+        };
+        let (origin, target) = (inside(1.0), inside(0.1));
+        let triangle = triangles[r.next() as usize % triangles.len()];
+        let (u, v) = (r.unit(), r.unit());
+        let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+        let on: Point =
+            std::array::from_fn(|k| (1.0 - u - v) * triangle[0][k] + u * triangle[1][k] + v * triangle[2][k]);
+        let corner = triangle[r.next() as usize % 3];
+        let axis = r.next() as usize % 3;
+        let sign = if r.next().is_multiple_of(2) { 1.0 } else { -1.0 };
+        let mut along = if r.next().is_multiple_of(2) { [0.0; 3] } else { [-0.0; 3] };
+        along[axis] = sign * size * r.unit().max(0.1);
+        let mut new = match rays.len() % 12 {
+            // Along an axis: from anywhere, towards a triangle, over a corner, along the faces of boxes.
+            0 => ray(origin, along),
+            1 => {
+                let mut from = on;
+                from[axis] -= sign * size;
+                ray(from, along)
             }
+            2 => {
+                let mut from = corner;
+                from[axis] -= sign * size;
+                ray(from, along)
+            }
+            3 => ray(corner, along),
+            // From inside, from a surface, at corners and at surfaces.
+            4 => towards(target, origin),
+            5 => towards(on, target),
+            6 => towards(origin, corner),
+            7 => towards(origin, on),
+            // Limits that cut in front of and behind surfaces.
+            8 => Ray { t_min: 0.9 + 0.2 * r.unit(), ..towards(origin, on) },
+            9 => Ray { t_max: 0.9 + 0.2 * r.unit(), ..towards(origin, on) },
+            10 => Ray { t_min: 0.5, t_max: 2.0 * r.unit(), ..towards(origin, target) },
+            // One component that is next to nothing.
+            _ => {
+                let mut thin = towards(origin, on);
+                thin.direction[axis] = sign * 1e-30 * size;
+                thin
+            }
+        };
+        if rays.len() % 5 == 0 {
+            // Neither short nor long directions matter.
+            let scale = 10f32.powf(6.0 * r.unit() - 3.0);
+            new.direction = new.direction.map(|d| d * scale);
+            (new.t_min, new.t_max) = (new.t_min / scale, new.t_max / scale);
+        }
+        if rays.len() % 7 == 0 && new.t_max == f32::INFINITY {
+            new.t_max = f32::MAX;
+        }
+        if new.direction.iter().any(|d| d.abs() > 1e-25 * size) {
+            rays.push(new);
         }
     }
-    (lo, hi)
+    rays
 }
 
-fn split(
-    triangles: &[[[f32; 3]; 3]],
-    ids: &mut [u32],
-    nodes: &mut Vec<[u32; 14]>,
-    out: &mut Vec<[f32; 12]>,
-) -> u32 {
-    if ids.len() <= 2 {
-        let first = out.len() as u32;
-        for &id in ids.iter() {
-            let [a, b, c] = triangles[id as usize];
-            out.push([a[0], a[1], a[2], f32::from_bits(id), b[0], b[1], b[2], 0.0, c[0], c[1], c[2], 0.0]);
+/// Traces awkward rays and compares with brute force and with the twin.
+fn check(what: &str, triangles: &[Triangle], n: usize) {
+    let planted = plant(builder(), triangles);
+    let rays = awkward_rays(triangles, n);
+    let extent = planted.tree.extent;
+    let deeper;
+    let traversal = if planted.tree.depth < usual().stack() {
+        usual()
+    } else {
+        deeper = Traversal::new(gpu(), &Params::default(), planted.tree.depth, true).unwrap();
+        &deeper
+    };
+    let (hits, counts) = trace(traversal, true, Wave::Secondary, &planted, &rays);
+    let judge = |((ray, hit), counts): ((&Ray, &Hit), &Counts)| {
+        let brute = cpu::brute_force(triangles, ray);
+        let (twin, _) = cpu::closest_hit::<Binary>(&planted.nodes, &planted.leaves, extent, ray);
+        let is_hit = hit.triangle != Hit::MISS;
+        // The triangle that is named is at that distance.
+        let named = || cpu::intersect(ray, f32::INFINITY, &triangles[hit.triangle as usize]);
+        let faults = [
+            (!agree(brute.t, hit.t, ray, extent), "differs from brute force"),
+            (!agree(brute.t, twin.t, ray, extent), "twin differs from brute force"),
+            (is_hit != hit.t.is_finite(), "neither hit nor miss"),
+            (counts.boxes != 2 * counts.nodes, "boxes are not two a node"),
+            (!(1..=planted.nodes.len() as u32).contains(&counts.nodes), "nodes that are not there"),
+            (counts.triangles as usize > triangles.len(), "triangles that are not there"),
+            (is_hit && !(hit.t > ray.t_min && hit.t < ray.t_max), "outside the ray's limits"),
+            (is_hit && counts.triangles == 0, "hit without a test"),
+            (is_hit && !named().is_some_and(|t| agree(t, hit.t, ray, extent)), "another triangle's distance"),
+        ];
+        match faults.iter().find(|(found, _)| *found) {
+            Some((_, fault)) => Err(format!("{fault}: {ray:?}: {hit:?}, {counts:?}, brute force {brute:?}")),
+            None => Ok(usize::from(is_hit)),
         }
-        return 1 << 31 | (ids.len() as u32 - 1) << 27 | first;
-    }
-    let (lo, hi) = boxed(triangles, ids);
-    let axis = (0..3).max_by(|&a, &b| (hi[a] - lo[a]).total_cmp(&(hi[b] - lo[b]))).unwrap();
-    let key = |id: &u32| triangles[*id as usize].iter().map(|v| v[axis]).sum::<f32>();
-    ids.sort_by(|a, b| key(a).total_cmp(&key(b)));
-    let me = nodes.len();
-    nodes.push([0; 14]);
-    let (l, r) = ids.split_at_mut(ids.len() / 2);
-    let (bl, br) = (boxed(triangles, l), boxed(triangles, r));
-    let l = split(triangles, l, nodes, out);
-    let r = split(triangles, r, nodes, out);
-    let f: Vec<u32> = [bl.0, bl.1, br.0, br.1].concat().iter().map(|x| x.to_bits()).collect();
-    nodes[me][..12].copy_from_slice(&f);
-    nodes[me][12..].copy_from_slice(&[l, r]);
-    me as u32
-}
-
-fn random(state: &mut u32) -> f32 {
-    *state = state.wrapping_mul(747796405).wrapping_add(2891336453);
-    let w = ((*state >> ((*state >> 28) + 4)) ^ *state).wrapping_mul(277803737);
-    ((w >> 22) ^ w) as f32 / 4294967296.0
+    };
+    let found: Result<Vec<usize>, String> = rays.par_iter().zip(&hits).zip(&counts).map(judge).collect();
+    let found: usize = found.unwrap_or_else(|fault| panic!("{what}: {fault}")).iter().sum();
+    println!("{what}: {found} of {n} rays hit");
 }
 
 #[test]
-fn smoke() {
-    let gpu = gpu();
-    let mut s = 1u32;
-    let triangles: Vec<[[f32; 3]; 3]> = (0..1000)
+fn every_ray_through_every_kind_of_scene_agrees_with_brute_force() {
+    let shifted = |scale: f32, by: f32| -> Vec<Triangle> {
+        scattered(600, scale, 0.1 * scale).iter().map(|t| t.map(|p| p.map(|x| x + by))).collect()
+    };
+    check("scattered", &scattered(1500, 10.0, 1.0), 12_000);
+    check("huge", &shifted(1e6, 0.0), 4_000);
+    check("tiny", &shifted(1e-6, 0.0), 4_000);
+    check("far away", &shifted(1.0, 1e4), 4_000);
+    let mut random = Random(3);
+    let needles: Vec<Triangle> = (0..600)
         .map(|_| {
-            let c: [f32; 3] = std::array::from_fn(|_| random(&mut s) * 10.0);
-            std::array::from_fn(|_| std::array::from_fn(|k| c[k] + random(&mut s)))
+            let (a, b) = (random.point(10.0), random.point(10.0));
+            let offset = random.point(1e-5);
+            [a, b, std::array::from_fn(|k| b[k] + offset[k])]
         })
         .collect();
-    let rays: Vec<Ray> = (0..20000)
-        .map(|_| Ray {
-            origin: std::array::from_fn(|_| random(&mut s) * 12.0 - 1.0),
-            t_min: 0.0,
-            direction: std::array::from_fn(|_| random(&mut s) * 2.0 - 1.0),
-            t_max: f32::INFINITY,
+    check("needles", &needles, 4_000);
+    // A street grid: boxes without thickness, and rays along their faces.
+    let grid: Vec<Triangle> = (0..600)
+        .map(|i| {
+            let (x, y, z) = ((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32);
+            match i % 3 {
+                0 => [[x, y, z], [x + 1.0, y, z], [x, y + 1.0, z]],
+                1 => [[x, y, z], [x, y + 1.0, z], [x, y, z + 1.0]],
+                _ => [[x, y, z], [x + 1.0, y, z], [x, y, z + 1.0]],
+            }
         })
         .collect();
-    let (mut nodes, mut out) = (vec![], vec![]);
-    split(&triangles, &mut (0..1000).collect::<Vec<_>>(), &mut nodes, &mut out);
-    let nodes = gpu.upload("nodes", &nodes).unwrap();
-    let tris = gpu.upload("triangles", &out).unwrap();
-    let rays_b = gpu.upload("rays", &rays).unwrap();
-    let hits = gpu.buffer("hits", 8 * rays.len() as u64).unwrap();
-    let counts = gpu.buffer("counts", 16 * rays.len() as u64).unwrap();
-    let queue = gpu.upload("queue", &[Queue { count: rays.len() as u32, ..Queue::default() }]).unwrap();
-    let t = Traversal::new(&gpu, &traverse::Params::default(), 20, true).unwrap();
-    let tree = Tree { nodes: nodes.address(), triangles: tris.address(), depth: 20, extent: 11.0 };
-    let mut pass = Pass::new(&gpu).unwrap();
-    pass.fill(&hits, 0xABABABAB);
-    t.record(
-        &mut pass,
-        "trace",
-        Wave::Secondary,
-        &tree,
-        &Buffers {
-            rays: rays_b.address(),
-            hits: hits.address(),
-            queue: queue.address(),
-            counts: counts.address(),
-        },
-        rays.len(),
-    );
-    let timings = pass.submit().unwrap();
-    println!("{timings:?}");
-    let got: Vec<Hit> = hits.read(0, rays.len()).unwrap();
-    let q: Vec<Queue> = queue.read(0, 1).unwrap();
-    println!("{q:?}");
-    let mut bad = 0;
-    for (ray, hit) in rays.iter().zip(&got) {
-        let want = cpu::brute_force(&triangles, ray);
-        if !(want.t == hit.t || (want.t - hit.t).abs() <= 1e-5 * want.t) {
-            bad += 1;
-            if bad < 5 {
-                println!("{want:?} {hit:?}");
+    check("grid", &grid, 12_000);
+    for (what, triangles) in awkward(500) {
+        check(what, &triangles, 2_000);
+    }
+    assert_silent();
+}
+
+#[test]
+fn each_ray_is_finished_once_however_many_there_are() {
+    let triangles = scattered(300, 10.0, 2.0);
+    let planted = plant(builder(), &triangles);
+    let rays = awkward_rays(&triangles, 65_537);
+    let want: Vec<Hit> = rays
+        .par_iter()
+        .map(|ray| cpu::closest_hit::<Binary>(&planted.nodes, &planted.leaves, planted.tree.extent, ray).0)
+        .collect();
+    for wave in [Wave::Primary, Wave::Secondary] {
+        let size = usual().kernel(wave).workgroup_size() as usize;
+        let lanes = gpu().info().subgroup_size as usize;
+        let mut sizes = vec![0, 1, 2, 65_537];
+        for around in [lanes, size, 2 * size, 8 * size] {
+            sizes.extend([around - 1, around, around + 1]);
+        }
+        for n in sizes {
+            let (hits, _) = trace(usual(), true, wave, &planted, &rays[..n]);
+            for i in 0..n {
+                assert!(agree(hits[i].t, want[i].t, &rays[i], 10.0), "{n} rays, ray {i}: {:?}", hits[i]);
             }
         }
     }
-    assert_eq!(bad, 0);
-    assert_eq!(gpu.validation_messages(), Vec::<String>::new());
+    assert_silent();
+}
+
+#[test]
+fn scheduling_changes_no_distance() {
+    let triangles = scattered(2000, 10.0, 1.0);
+    let planted = plant(builder(), &triangles);
+    let rays = awkward_rays(&triangles, 5_000);
+    let (want, _) = trace(usual(), true, Wave::Primary, &planted, &rays);
+    for (primary_subgroups, secondary_subgroups, fetch_below, postpone_below, stack) in
+        [(1, 2, 0.01, 0.0, 64), (4, 8, 1.0, 1.0, 96), (16, 32, 0.5, 0.5, 33)]
+    {
+        let params = Params { primary_subgroups, secondary_subgroups, fetch_below, postpone_below, stack };
+        let traversal = Traversal::new(gpu(), &params, planted.tree.depth, false).unwrap();
+        for wave in [Wave::Primary, Wave::Secondary] {
+            let (hits, _) = trace(&traversal, false, wave, &planted, &rays);
+            // Each is a kernel of its own, which a driver may round differently.
+            for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {
+                assert!(agree(hit.t, want.t, ray, 0.0), "{params:?}, {wave:?}: {hit:?}, not {want:?}");
+            }
+        }
+    }
+    let wrong = Params { primary_subgroups: 1 << 20, ..Params::default() };
+    let error = Traversal::new(gpu(), &wrong, 0, false).unwrap_err().to_string();
+    assert!(error.contains("workgroup"), "{error}");
+    assert_silent();
+}
+
+#[test]
+fn few_triangles_are_hit_in_their_order() {
+    for n in [1, 2, 3, 16, 17] {
+        // Plates one behind the other, the nearest the last of the file.
+        let plates: Vec<Triangle> = (0..n)
+            .map(|i| {
+                let z = (n - i) as f32;
+                [[-1.0, -1.0, z], [1.0, -1.0, z], [0.0, 1.0, z]]
+            })
+            .collect();
+        let planted = plant(builder(), &plates);
+        let mut rays = vec![ray([0.0; 3], [0.0, 0.0, -1.0]), ray([2.0, 0.0, 0.0], [0.0, 0.0, 1.0])];
+        let mut want = vec![Hit::NONE, Hit::NONE];
+        for i in 0..n {
+            let t = (n - i) as f32;
+            let hit = Hit { t, triangle: i as u32 };
+            rays.push(Ray { t_min: t - 0.5, ..ray([0.0; 3], [0.0, 0.0, 1.0]) });
+            want.push(hit);
+            // Limits just in front of it and just behind it.
+            rays.push(Ray { t_min: t - 0.9, t_max: t * 0.99999, ..ray([0.0; 3], [-0.0, 0.0, 1.0]) });
+            want.push(Hit::NONE);
+            rays.push(Ray { t_min: t - 0.9, t_max: t * 1.00001, ..ray([0.0; 3], [0.0, -0.0, 1.0]) });
+            want.push(hit);
+            // From behind, and in half lengths.
+            rays.push(Ray { t_max: 2.5, ..ray([0.1, -0.1, t + 1.0], [0.0, 0.0, -0.5]) });
+            want.push(Hit { t: 2.0, ..hit });
+        }
+        let (hits, counts) = trace(usual(), true, Wave::Secondary, &planted, &rays);
+        for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {
+            let same = hit.triangle == want.triangle && agree(hit.t, want.t, ray, 0.0);
+            assert!(same, "{n} triangles: {ray:?}: {hit:?}, not {want:?}");
+        }
+        assert!(counts.iter().all(|c| c.triangles as usize <= n && c.boxes == 2 * c.nodes));
+        assert_eq!(counts[1].triangles, 0, "{n} triangles: a ray beside all boxes");
+    }
+    assert_silent();
+}
+
+#[test]
+fn a_tree_deeper_than_the_stack_gets_a_larger_one() {
+    // Tilted triangles around the origin, each 1.05 times as large as the last: boxes one in the next, so
+    // every level of the tree is one triangle and all the smaller ones. A ray from the middle lies in all
+    // boxes and puts the other child of each level on the stack.
+    let n = 120;
+    let corners = [[-1.0, -1.0, 0.5], [1.0, -1.0, 1.0], [0.0, 1.0, 1.5]];
+    let mut triangles: Vec<Triangle> =
+        (0..n).map(|i| corners.map(|p| p.map(|x| x * 1.05f32.powi(i)))).collect();
+    triangles.iter_mut().for_each(|t| t[0][2] *= -1.0);
+    let collapse = CollapseParams { max_leaf: 1, ..CollapseParams::default() };
+    let builder = Builder::new(gpu(), &BuildParams { collapse, ..BuildParams::default() }).unwrap();
+    let mut random = Random(11);
+    let rays: Vec<Ray> = (0..4000)
+        .map(|i| {
+            let mut at = random.point(2.0);
+            // Half of them towards the triangles, the others anywhere.
+            if i % 2 == 0 {
+                at = [0.3 * at[0], 0.3 * at[1], 0.5];
+            }
+            Ray { t_min: if i % 3 == 0 { 300.0 * random.unit() } else { 0.0 }, ..ray([0.0; 3], at) }
+        })
+        .collect();
+    for order in ["from small to large", "from large to small"] {
+        let planted = plant(&builder, &triangles);
+        assert!(planted.tree.depth > 100, "{order}: only {} levels", planted.tree.depth);
+        let traversal = Traversal::new(gpu(), &Params::default(), planted.tree.depth, true).unwrap();
+        for wave in [Wave::Primary, Wave::Secondary] {
+            let (hits, counts) = trace(&traversal, true, wave, &planted, &rays);
+            for (ray, hit) in rays.iter().zip(&hits) {
+                let want = cpu::brute_force(&triangles, ray);
+                assert!(agree(hit.t, want.t, ray, 1.0), "{order}: {ray:?}: {hit:?}, not {want:?}");
+            }
+            let found = hits.iter().filter(|h| h.triangle != Hit::MISS).count();
+            assert!((1500..3500).contains(&found), "{order}: {found} hits");
+            assert!(counts.iter().any(|c| c.nodes > 100), "{order}: some ray goes all the way down");
+        }
+        triangles.reverse();
+    }
+    assert_silent();
+}
+
+#[test]
+fn a_lost_ray_is_an_error() {
+    let queue = Queue { next: 300, count: 300, finished: 298, unused: 0 };
+    match usual().check(3, &queue) {
+        Err(Error::LoopLimit { depth: 3, unfinished: 2, rays: 300, device }) => {
+            assert_eq!(device, gpu().info().name);
+        }
+        other => panic!("{other:?}"),
+    }
+    assert!(usual().check(0, &Queue { finished: 300, ..queue }).is_ok());
+}
+
+/// Rays from inside a closed mesh: at its corners, at points of its edges, and anywhere.
+fn rays_from_inside(
+    (corners, faces): &(Vec<Point>, Vec<[usize; 3]>),
+    random: &mut Random,
+    centre: Point,
+    radius: f32,
+    n: usize,
+) -> Vec<Ray> {
+    (0..n)
+        .map(|i| {
+            let offset = random.point(2.0 * radius / 3f32.sqrt());
+            let origin: Point = std::array::from_fn(|k| centre[k] + offset[k]);
+            let face = faces[random.next() as usize % faces.len()];
+            let side = random.next() as usize % 3;
+            let (a, b) = (corners[face[side]], corners[face[(side + 1) % 3]]);
+            let along = random.unit();
+            match i % 4 {
+                0 => towards(origin, a),
+                1 => towards(origin, std::array::from_fn(|k| a[k] + (b[k] - a[k]) * along)),
+                2 => towards(
+                    centre,
+                    if along < 0.5 { a } else { std::array::from_fn(|k| 0.5 * (a[k] + b[k])) },
+                ),
+                _ => ray(origin, random.point(2.0)),
+            }
+        })
+        .filter(|r| r.direction != [0.0; 3])
+        .collect()
+}
+
+/// A closed mesh with hills and valleys whose every point can be seen from half its radius.
+fn bumpy(levels: u32, radius: f32, centre: Point) -> (Vec<Point>, Vec<[usize; 3]>) {
+    let (mut corners, faces) = icosphere(levels);
+    for p in &mut corners {
+        let height = 1.0 + 0.05 * (7.0 * p[0]).sin() * (9.0 * p[1]).cos() + 0.02 * (23.0 * p[2]).sin();
+        *p = std::array::from_fn(|k| centre[k] + p[k] * height * radius);
+    }
+    (corners, faces)
+}
+
+#[test]
+fn no_ray_leaves_a_closed_mesh_through_an_edge_or_a_corner() {
+    // Of the million, a part in a mesh far from the origin, where coordinates are coarse, and in tiny and
+    // huge ones.
+    for (launches, radius, centre) in [
+        (10, 1.0, [0.0; 3]),
+        (2, 1.0, [1000.0, -2000.0, 500.0]),
+        (2, 1e-6, [0.0; 3]),
+        (2, 1e6, [1e6, 0.0, 3e5]),
+    ] {
+        let closed = bumpy(5, radius, centre);
+        let planted = plant(builder(), &mesh(&closed));
+        let mut random = Random(radius.to_bits().into());
+        for _ in 0..launches {
+            let rays = rays_from_inside(&closed, &mut random, centre, 0.4 * radius, 65_536);
+            let (hits, _) = trace(usual(), true, Wave::Secondary, &planted, &rays);
+            for (ray, hit) in rays.iter().zip(&hits) {
+                let length = ray.direction.iter().map(|d| d * d).sum::<f32>().sqrt();
+                let distance = hit.t * length / radius;
+                assert!((0.4..1.6).contains(&distance), "radius {radius}: {ray:?} hits {hit:?}");
+            }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn no_ray_leaves_a_box_of_twelve_triangles() {
+    let corners: Vec<Point> =
+        (0..8).map(|i| [0, 1, 2].map(|k| if i >> k & 1 == 1 { 1.0 } else { -1.0 })).collect();
+    let faces: Vec<[usize; 3]> =
+        [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+            .iter()
+            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
+            .collect();
+    for (scale, offset) in [(1.0, 0.0), (1000.0, 0.0), (0.37, 100.0)] {
+        let corners: Vec<Point> = corners.iter().map(|p| p.map(|x| x * scale + offset)).collect();
+        let closed = (corners, faces.clone());
+        let planted = plant(builder(), &mesh(&closed));
+        let centre = [offset; 3];
+        let mut rays = rays_from_inside(&closed, &mut Random(5), centre, scale, 20_000);
+        // Along the axes and diagonals from a lattice of points, among them those that run along the
+        // faces' own diagonals and towards the middles of edges.
+        let directions = (0..27).map(|i| [i % 3, i / 3 % 3, i / 9].map(|x| x as f32 - 1.0));
+        for direction in directions.filter(|d| *d != [0.0; 3]) {
+            for i in 0..343 {
+                let at = [i % 7, i / 7 % 7, i / 49].map(|x| (x as f32 - 3.0) * 0.25 * scale + offset);
+                rays.push(ray(at, direction));
+                rays.push(ray(at, direction.map(|d| if d == 0.0 { -0.0 } else { d * 0.01 })));
+            }
+        }
+        let (hits, _) = trace(usual(), true, Wave::Secondary, &planted, &rays);
+        for (ray, hit) in rays.iter().zip(&hits) {
+            assert!(hit.t.is_finite() && hit.t > 0.0, "scale {scale}: {ray:?} hits {hit:?}");
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn refined_distances_are_exact_to_the_last_place() {
+    // Corners, origins and directions that are small whole numbers: the exact distance is a fraction of
+    // integers.
+    let mut random = Random(17);
+    let mut whole = |range: i64| -> [i64; 3] {
+        std::array::from_fn(|_| (random.next() % (2 * range as u64 + 1)) as i64 - range)
+    };
+    let sub = |a: [i64; 3], b: [i64; 3]| -> [i64; 3] { std::array::from_fn(|k| a[k] - b[k]) };
+    let cross = |a: [i64; 3], b: [i64; 3]| -> [i64; 3] {
+        std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
+    };
+    let dot = |a: [i64; 3], b: [i64; 3]| (0..3).map(|k| i128::from(a[k]) * i128::from(b[k])).sum::<i128>();
+    let float = |a: [i64; 3]| a.map(|x| x as f32);
+    let mut checked = 0;
+    while checked < 20_000 {
+        let [v0, v1, v2] = [whole(1000), whole(1000), whole(1000)];
+        let (origin, direction) = (whole(5000), whole(300));
+        let normal = cross(sub(v1, v0), sub(v2, v0));
+        let (over, under) = (dot(normal, sub(v0, origin)), dot(normal, direction));
+        if under == 0 || (over < 0) != (under < 0) || over == 0 {
+            continue;
+        }
+        let exact = over as f64 / under as f64;
+        let ray = ray(float(origin), float(direction));
+        let triangle = [v0, v1, v2].map(float);
+        // A distance that is wrong in its fourth digit is mended; one that is from elsewhere is kept.
+        for rough in [exact as f32, (exact * 1.0005) as f32, (exact * 0.9995) as f32] {
+            let refined = cpu::refine(&ray, &triangle, rough);
+            let nearest = exact as f32;
+            let off = (i64::from(refined.to_bits()) - i64::from(nearest.to_bits())).abs();
+            assert!(off <= 1, "{ray:?}, {triangle:?}: {refined}, exactly {exact}");
+        }
+        let elsewhere = (exact * 1.01) as f32;
+        assert_eq!(cpu::refine(&ray, &triangle, elsewhere), elsewhere);
+        checked += 1;
+    }
+    // In the plane there is nothing to refine.
+    let flat = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    assert_eq!(cpu::refine(&ray([0.2, -1.0, 0.0], [0.0, 1.0, 0.0]), &flat, 1.25), 1.25);
+}
+
+#[test]
+fn refining_brings_the_kernels_distances_to_a_millionth() {
+    let triangles = scattered(1000, 10.0, 1.0);
+    let planted = plant(builder(), &triangles);
+    let rays: Vec<Ray> = awkward_rays(&triangles, 8_000);
+    let (hits, _) = trace(usual(), true, Wave::Primary, &planted, &rays);
+    let exact = |ray: &Ray, t: &Triangle| {
+        let d = |a: Point| a.map(f64::from);
+        let sub = |a: Point, b: Point| -> [f64; 3] { std::array::from_fn(|k| d(a)[k] - d(b)[k]) };
+        let (p, q, s) = (sub(t[1], t[0]), sub(t[2], t[0]), sub(t[0], ray.origin));
+        let normal: [f64; 3] =
+            std::array::from_fn(|k| p[(k + 1) % 3] * q[(k + 2) % 3] - p[(k + 2) % 3] * q[(k + 1) % 3]);
+        let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
+        dot(normal, s) / dot(normal, d(ray.direction))
+    };
+    let mut coarse = 0;
+    for (ray, hit) in rays.iter().zip(&hits).filter(|(_, h)| h.triangle != Hit::MISS) {
+        let triangle = &triangles[hit.triangle as usize];
+        let (want, got) = (exact(ray, triangle), f64::from(cpu::refine(ray, triangle, hit.t)));
+        if (f64::from(hit.t) - want).abs() <= 1e-3 * want.abs() {
+            assert!((got - want).abs() <= 1e-6 * want.abs(), "{ray:?}: {hit:?}, {got}, exactly {want}");
+        } else {
+            coarse += 1;
+        }
+    }
+    // Rays that start on a surface, or graze one, have no fourth digit to begin with.
+    assert!(coarse < rays.len() / 20, "{coarse} hits are too coarse to refine");
+    assert_silent();
+}
+
+#[test]
+fn what_does_not_fit_the_heap_is_an_error_with_a_way_out() {
+    let heap = gpu().info().memory_bytes;
+    for bytes in [1 << 40, u64::MAX / 2, heap + 1] {
+        match gpu().buffer("a very large thing", bytes) {
+            Err(error @ tracer::gpu::Error::OutOfMemory { .. }) => {
+                let text = error.to_string();
+                assert!(text.contains("a very large thing") && text.contains("smaller"), "{text}");
+            }
+            other => panic!("{bytes} bytes: {other:?}"),
+        }
+    }
+    assert!(gpu().buffer("nothing", 0).is_ok());
+    assert_silent();
 }

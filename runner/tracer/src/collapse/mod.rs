@@ -27,8 +27,10 @@ pub mod cpu;
 #[serde(default, deny_unknown_fields)]
 pub struct CollapseParams {
     /// c_t: what visiting an inner node costs. Larger than `intersection_cost`: larger leaves.
+    #[serde(rename = "c_t")]
     pub traversal_cost: f32,
     /// c_i: what testing one triangle costs.
+    #[serde(rename = "c_i")]
     pub intersection_cost: f32,
     /// Most triangles a leaf; 1 keeps every leaf apart, 16 is what the layouts can express.
     pub max_leaf: u32,
@@ -140,5 +142,23 @@ impl Collapse {
             );
         }
         pass.dispatch("tail", &self.tail, &push(TAIL), 1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::interface::{Module, fields};
+
+    #[test]
+    fn the_shader_sees_arguments_as_the_host_does() {
+        Module::read(&shaders::COLLAPSE_COLLAPSE)
+            .assert_push_constants(
+                size_of::<Push>(),
+                &fields!(
+                    Push: nodes, levels, subtrees, bounds, traversal_cost, intersection_cost, max_leaf, level
+                ),
+            )
+            .assert_items("Subtrees", size_of::<Subtree>(), None);
     }
 }

@@ -6,6 +6,8 @@
 mod buffer;
 mod device;
 mod error;
+#[cfg(test)]
+pub(crate) mod interface;
 mod kernel;
 mod pass;
 

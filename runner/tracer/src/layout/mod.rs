@@ -159,3 +159,19 @@ impl LeafOrder {
         pass.dispatch("triangles", &self.kernel, &push, groups(count, WORKGROUP));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::interface::{Module, fields};
+
+    #[test]
+    fn the_shader_sees_arguments_as_the_host_does() {
+        Module::read(&shaders::LAYOUT_TRIANGLES)
+            .assert_push_constants(
+                size_of::<TrianglesPush>(),
+                &fields!(TrianglesPush: nodes, levels, positions, triangles, leaf_triangles, count),
+            )
+            .assert_items("Triangles", size_of::<Triangle>(), None);
+    }
+}

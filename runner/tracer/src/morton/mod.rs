@@ -148,3 +148,23 @@ impl Morton {
         pass.dispatch("codes", &self.codes, &push, groups(count, WORKGROUP));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        bvh2::Triangle,
+        gpu::interface::{Module, fields},
+    };
+
+    #[test]
+    fn shaders_see_arguments_as_the_host_does() {
+        Module::read(&shaders::MORTON_BOUNDS)
+            .assert_push_constants(size_of::<BoundsPush>(), &fields!(BoundsPush: triangles, bounds, count))
+            .assert_items("Triangles", size_of::<Triangle>(), None);
+        Module::read(&shaders::MORTON_CODES).assert_push_constants(
+            size_of::<CodesPush>(),
+            &fields!(CodesPush: triangles, bounds, keys, count),
+        );
+    }
+}

@@ -486,6 +486,36 @@ impl<'s> PathTracer<'s> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::interface::{Field, Module, fields};
+
+    #[test]
+    fn shaders_see_memory_as_the_host_does() {
+        let ray = fields!(Ray: origin, t_min, direction, t_max);
+        let path = fields!(PathState: pixel, throughput);
+        let queue = fields!(Queue: next, count, finished, unused);
+        let generate = fields!(GenerateArguments: rays, paths, queue, order, eye, right, up, forward, width,
+            height, sample, seed);
+        Module::read(&shaders::PATH_GENERATE)
+            .assert_push_constants(size_of::<GenerateArguments>(), &generate)
+            .assert_items("Rays", size_of::<Ray>(), Some(&ray))
+            .assert_items("Paths", size_of::<PathState>(), Some(&path))
+            .assert_block("Queue", &queue);
+        let shade = fields!(ShadeArguments: rays, hits, paths, queue, next_rays, next_paths, next_queue,
+            scene, image, sample, depth, seed, last);
+        let scene = fields!(SceneInfo: positions, material_ids, materials, zenith, horizon, ground, extent);
+        let material =
+            [("albedo", 0), ("emission", 12)].map(|(name, offset)| Field { name, offset, size: 12 });
+        Module::read(&shaders::PATH_SHADE)
+            .assert_push_constants(size_of::<ShadeArguments>(), &shade)
+            .assert_block("Scene", &scene)
+            .assert_block("Queue", &queue)
+            .assert_items("Rays", size_of::<Ray>(), Some(&ray))
+            .assert_items("Hits", size_of::<Hit>(), Some(&fields!(Hit: t, triangle)))
+            .assert_items("Paths", size_of::<PathState>(), Some(&path))
+            .assert_items("Materials", 24, Some(&material))
+            .assert_items("Positions", 12, None)
+            .assert_items("Image", 16, None);
+    }
 
     #[test]
     fn the_z_order_visits_every_pixel_once_and_quads_together() {

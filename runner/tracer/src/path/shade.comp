@@ -27,7 +27,20 @@ layout(push_constant, scalar) uniform Arguments {
 };
 
 vec3 sky(vec3 direction) {
-    return mix(scene.horizon, direction.y >= 0.0 ? scene.zenith : scene.ground, abs(direction.y));
+    return direction.y >= 0.0 ? mix(scene.horizon, scene.zenith, direction.y) : scene.ground;
+}
+
+// The unit normal that faces the ray. Edges are first brought to a length near one, since the square of a
+// cross product leaves the range of a float when edges are ten orders of magnitude from it. A triangle
+// without area, which a ray can only hit through rounding, faces the ray.
+vec3 normal_towards(vec3 direction, vec3 v0, vec3 v1, vec3 v2) {
+    vec3 a = v1 - v0, b = v2 - v0;
+    vec3 largest = max(abs(a), abs(b));
+    float scale = 1.0 / max(largest.x, max(largest.y, largest.z));
+    vec3 normal = cross(a * scale, b * scale);
+    float squared = dot(normal, normal);
+    normal = squared > 0.0 ? normal * inversesqrt(squared) : -direction;
+    return dot(normal, direction) > 0.0 ? -normal : normal;
 }
 
 // A direction about `normal` with density cosine / pi.
@@ -61,8 +74,7 @@ void main() {
             vec3 v0 = scene.positions.items[3 * hit.triangle];
             vec3 v1 = scene.positions.items[3 * hit.triangle + 1];
             vec3 v2 = scene.positions.items[3 * hit.triangle + 2];
-            vec3 normal = normalize(cross(v1 - v0, v2 - v0));
-            normal = dot(normal, ray.direction) > 0.0 ? -normal : normal;
+            vec3 normal = normal_towards(ray.direction, v0, v1, v2);
 
             // The next ray must not meet this surface, nor its neighbours in the same plane, through
             // rounding. It starts a little above the plane, by more than the triangle test's error, which
@@ -72,7 +84,7 @@ void main() {
             vec3 weights = clamp(edges / (edges.x + edges.y + edges.z), 0.0, 1.0);
             weights = mix(weights, vec3(1.0 / 3.0), 3.814697265625e-6);  // 2^-18
             vec3 position = weights.x * v0 + weights.y * v1 + weights.z * v2;
-            position += normal * (scene.extent * 1.9073486328125e-6);  // 2^-19
+            position += normal * (scene.extent * 3.814697265625e-6);  // 2^-18
 
             vec3 direction = cosine_direction(normal, random2(path.pixel, sample_, depth, seed));
             next = Ray(position, 0.0, direction, INFINITY);

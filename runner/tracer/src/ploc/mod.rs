@@ -43,7 +43,7 @@ pub struct PlocParams {
 
 impl Default for PlocParams {
     fn default() -> Self {
-        Self { radius: 16 }
+        Self { radius: 8 }
     }
 }
 
@@ -319,6 +319,42 @@ impl Ploc {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{
+        bvh2::{Bvh2Node, LevelsHeader},
+        gpu::interface::{Field, Module, fields},
+    };
+
+    #[test]
+    fn shaders_see_arguments_as_the_host_does() {
+        let node = size_of::<Bvh2Node>();
+        Module::read(&shaders::PLOC_LEAVES)
+            .assert_push_constants(
+                size_of::<LeavesPush>(),
+                &fields!(LeavesPush: triangles, order, nodes, state, levels, count),
+            )
+            .assert_items("Bvh2Nodes", node, None);
+        Module::read(&shaders::PLOC_NEAREST).assert_push_constants(
+            size_of::<NearestPush>(),
+            &fields!(NearestPush: nodes, clusters, partners, block_counts, super_counts, next_super_counts,
+                state, bounds, step),
+        );
+        let mut levels = fields!(LevelsHeader: count, tail, leaves, iterations, first);
+        let end = size_of::<LevelsHeader>();
+        levels.push(Field { name: "arguments", offset: end, size: 12 * MAX_LEVELS });
+        Module::read(&shaders::PLOC_MERGE)
+            .assert_push_constants(
+                size_of::<MergePush>(),
+                &fields!(MergePush: nodes, clusters, next_clusters, partners, block_counts, super_counts,
+                    state, levels, step, level_group),
+            )
+            .assert_block("Levels", &levels);
+        Module::read(&shaders::PLOC_TAIL)
+            .assert_push_constants(
+                size_of::<TailPush>(),
+                &fields!(TailPush: nodes, clusters, state, levels, bounds),
+            )
+            .assert_items("Bvh2Nodes", node, None);
+    }
 
     #[test]
     fn iterations_stay_below_the_number_of_levels_however_slow_the_clustering() {

@@ -131,3 +131,19 @@ impl Sort {
         (passes % 2) as usize
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::interface::{Module, fields};
+
+    #[test]
+    fn shaders_see_arguments_as_the_host_does() {
+        let push = fields!(
+            Push: keys_in, keys_out, values_in, values_out, counts, totals, count, tiles, word, shift, first
+        );
+        for shader in [&shaders::SORT_COUNT, &shaders::SORT_SCAN, &shaders::SORT_SCATTER] {
+            Module::read(shader).assert_push_constants(size_of::<Push>(), &push);
+        }
+    }
+}

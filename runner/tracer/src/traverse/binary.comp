@@ -5,7 +5,7 @@
 //   until the queue is empty and no lane has a ray:
 //       when few lanes have a ray, idle lanes fetch new ones
 //       until every lane has a leaf to test (or no ray): inner nodes; the first leaf found is postponed
-//       until no lane has a leaf: triangles
+//       until few lanes have a leaf while others could go on: triangles
 //
 // All three loops are uniform in the subgroup: lanes without work take part idle, so votes mean the same
 // on every driver, whether or not it reconverges diverged lanes.
@@ -25,6 +25,8 @@ layout(constant_id = 2) const uint FETCH_BELOW = 20;
 // Loop iterations after which a subgroup leaves, 0 for none: some drivers end loops silently.
 layout(constant_id = 3) const uint QUOTA = 0;
 layout(constant_id = 4) const bool COUNT = false;
+// Lanes that, when no more than these still test triangles, keep theirs postponed while others go on.
+layout(constant_id = 5) const uint POSTPONE = 8;
 
 // 56 bytes: the children's boxes, then their indices, in seven loads of 8 bytes.
 struct Node {
@@ -145,8 +147,13 @@ void main() {
             }
         }
 
-        // Triangles, of the postponed leaf and of a second one where the lane waits with it.
-        while (subgroupAny(leaf != NONE)) {
+        // Triangles, of the postponed leaf and of a second one where the lane waits with it. The first round
+        // tests at least one, because the loop above leaves no lane with a node but without a leaf.
+        for (;;) {
+            uint testing = subgroupBallotBitCount(subgroupBallot(leaf != NONE));
+            if (testing == 0 || (testing <= POSTPONE && subgroupAny(is_inner(node) && leaf == NONE))) {
+                break;
+            }
             steps++;
             if (leaf != NONE) {
                 uint index = leaf & 0x7FFFFFFu;
@@ -156,8 +163,12 @@ void main() {
                 if (COUNT) {
                     triangles_tested++;
                 }
-                float t = intersect(origin, shear, t_min, best.t, v0.xyz, v1.xyz, v2.xyz);
-                if (t < INFINITY) {
+                bool uncertain;
+                float t = intersect(origin, shear, t_min, best.t, v0.xyz, v1.xyz, v2.xyz, uncertain);
+                if (uncertain) {
+                    t = exact_distance(rays, ray, triangles, index);
+                }
+                if (t > t_min && t < best.t) {
                     best = Hit(t, floatBitsToUint(v0.w));
                 }
                 if ((leaf & 0x78000000u) != 0u) {

@@ -25,7 +25,7 @@ pub fn intersect(ray: &Ray, t_max: f32, [v0, v1, v2]: &[[f32; 3]; 3]) -> Option<
     let shear = [d[0] / d[2], d[1] / d[2], 1.0 / d[2]];
     let project = |v: &[f32; 3]| {
         let p = permute([v[0] - ray.origin[0], v[1] - ray.origin[1], v[2] - ray.origin[2]]);
-        [p[0] - shear[0] * p[2], p[1] - shear[1] * p[2], p[2]]
+        [(-shear[0]).mul_add(p[2], p[0]), (-shear[1]).mul_add(p[2], p[1]), p[2]]
     };
     let (a, b, c) = (project(v0), project(v1), project(v2));
     let e = [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]];
@@ -33,8 +33,27 @@ pub fn intersect(ray: &Ray, t_max: f32, [v0, v1, v2]: &[[f32; 3]; 3]) -> Option<
     if least < 0.0 && greatest > 0.0 {
         return None;
     }
-    let t = (e[0] * a[2] + e[1] * b[2] + e[2] * c[2]) * shear[2] / (e[0] + e[1] + e[2]);
+    let inverse = shear[2] / (e[0] + e[1] + e[2]);
+    let t = (e[0] * a[2] + e[1] * b[2] + e[2] * c[2]) * inverse;
+    if t.is_nan() || t >= t_max {
+        return None;
+    }
+    let across = [a, b, c].iter().fold(0f32, |m, p| m.max(p[0].abs()).max(p[1].abs()));
+    let depth = a[2].abs().max(b[2].abs()).max(c[2].abs());
+    let error = depth * (12.0 * across * (across + depth) * inverse.abs() + 4.0 * shear[2].abs());
+    let uncertain = (t - ray.t_min).abs() < error * f32::EPSILON;
+    let t = if uncertain { plane_distance(ray, &[*v0, *v1, *v2]) as f32 } else { t };
     (t > ray.t_min && t < t_max).then_some(t)
+}
+
+/// The distance to a triangle's plane in double precision; not finite for a ray in the plane or a triangle
+/// without area.
+fn plane_distance(ray: &Ray, triangle: &[[f32; 3]; 3]) -> f64 {
+    let [v0, v1, v2] = triangle.map(|v| glam::DVec3::from_array(v.map(f64::from)));
+    let origin = glam::DVec3::from_array(ray.origin.map(f64::from));
+    let direction = glam::DVec3::from_array(ray.direction.map(f64::from));
+    let normal = (v1 - v0).cross(v2 - v0);
+    normal.dot(v0 - origin) / normal.dot(direction)
 }
 
 /// `Slab` of `slab.glsl`: what the conservative box test needs of a ray.
@@ -123,15 +142,14 @@ pub fn brute_force(triangles: &[[[f32; 3]; 3]], ray: &Ray) -> Hit {
 
 /// The distance to the plane of the triangle that was hit, evaluated in double precision: what a hit file
 /// holds, so that its distances are limited by the file's format and not by single-precision arithmetic
-/// far from a corner. Which triangle is hit stays the traversal's decision.
+/// over long triangles. Which triangle is hit stays the traversal's decision.
 pub fn refine(ray: &Ray, triangle: &[[f32; 3]; 3], t: f32) -> f32 {
-    let [v0, v1, v2] = triangle.map(|v| glam::DVec3::from_array(v.map(f64::from)));
-    let origin = glam::DVec3::from_array(ray.origin.map(f64::from));
-    let direction = glam::DVec3::from_array(ray.direction.map(f64::from));
-    let normal = (v1 - v0).cross(v2 - v0);
-    let exact = normal.dot(v0 - origin) / normal.dot(direction);
-    // A ray in the triangle's plane has no crossing to refine.
-    if exact.is_finite() && (exact - f64::from(t)).abs() <= 1e-3 * exact.abs().max(f64::from(t)) {
+    let exact = plane_distance(ray, triangle);
+    // A ray almost in the triangle's plane may cross it far outside the triangle: then the distance stays.
+    let length = |v: [f32; 3]| v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+    let reach = triangle.iter().map(|v| length(std::array::from_fn(|k| v[k] - ray.origin[k])));
+    let reach = reach.fold(0.0, f64::max) / length(ray.direction);
+    if (exact - f64::from(t)).abs() <= 1e-3 * reach && exact > f64::from(ray.t_min) {
         exact as f32
     } else {
         t

@@ -1,6 +1,8 @@
 //! Closest hits of many rays: one kernel a layout, launched over a queue of rays.
 
 pub mod cpu;
+#[cfg(test)]
+mod interface_tests;
 
 use crate::{
     Error,
@@ -82,13 +84,22 @@ pub struct Params {
     /// Idle lanes fetch new rays when fewer than this share of a subgroup has one: the thesis's 20 of 32.
     /// More keeps lanes busier and costs more visits to the queue.
     pub fetch_below: f32,
+    /// Triangle tests are put off when at most this share of a subgroup has any left and another lane
+    /// could visit nodes (triangle postponing, Ylitie et al. 2017, 4.4; the thesis has none, which is 0).
+    pub postpone_below: f32,
     /// Entries of the traversal stack; made larger where a tree is deeper than that.
     pub stack: u32,
 }
 
 impl Default for Params {
     fn default() -> Self {
-        Self { primary_subgroups: 20, secondary_subgroups: 32, fetch_below: 0.625, stack: 64 }
+        Self {
+            primary_subgroups: 8,
+            secondary_subgroups: 8,
+            fetch_below: 0.625,
+            postpone_below: 0.25,
+            stack: 64,
+        }
     }
 }
 
@@ -172,8 +183,9 @@ impl Traversal {
         // Each level leaves at most one entry behind, and one marks the end.
         let stack = params.stack.max((tree_depth + 1).next_multiple_of(32));
         let fetch_below = ((params.fetch_below * lanes as f32).round() as u32).clamp(1, lanes);
+        let postpone = ((params.postpone_below * lanes as f32).round() as u32).min(lanes);
         let (quota, launches) = if gpu.info().ends_long_loops() { (QUOTA, RELAUNCHES) } else { (0, 1) };
-        let constants = [stack, fetch_below, quota, u32::from(counting)];
+        let constants = [stack, fetch_below, quota, u32::from(counting), postpone];
         let kernel =
             |subgroups: u32| Kernel::new(gpu, &shaders::TRAVERSE_BINARY, subgroups * lanes, &constants);
         Ok(Self {

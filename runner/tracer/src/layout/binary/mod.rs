@@ -230,6 +230,21 @@ impl Rearrange {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{
+        bvh2::Bvh2Node,
+        gpu::interface::{Module, fields},
+    };
+
+    #[test]
+    fn the_shader_sees_memory_as_the_host_does() {
+        Module::read(&shaders::LAYOUT_BINARY_REARRANGE)
+            .assert_push_constants(
+                size_of::<Push>(),
+                &fields!(Push: nodes, levels, subtrees, places, positions, nodes_out, summary, level),
+            )
+            .assert_items("Bvh2Nodes", size_of::<Bvh2Node>(), None)
+            .assert_block("Summary", &fields!(Summary: nodes, depth, levels, large_levels, iterations));
+    }
 
     #[test]
     fn a_node_decodes_to_what_it_was_encoded_from() {

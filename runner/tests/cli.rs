@@ -1,0 +1,389 @@
+//! The program as its users meet it: exit codes, messages, files.
+
+use record::{Record, Source};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+    time::{Duration, Instant},
+};
+use tempfile::TempDir;
+use tracer::{
+    scene::{self, SearchPath},
+    traverse::{Hit, Ray, cpu},
+};
+
+/// The program, to run in a folder, with no scenes but those that are built in.
+fn runner(folder: &Path, line: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_runner"));
+    command.args(line.split_whitespace()).current_dir(folder);
+    command.env_remove("BROADLEAF_SCENES").stdin(Stdio::null());
+    command
+}
+
+fn folder() -> TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Runs it, requires success and returns what it printed.
+fn works(folder: &Path, line: &str) -> Output {
+    let output = runner(folder, line).output().unwrap();
+    assert!(output.status.success(), "runner {line}: {:?}\n{}", output.status, text(&output.stderr));
+    output
+}
+
+/// Runs it, requires failure with this code, and that the message holds all of `words`.
+fn fails(folder: &Path, line: &str, code: i32, words: &[&str]) {
+    let output = runner(folder, line).output().unwrap();
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "runner {line}\n{message}");
+    for word in words {
+        assert!(message.contains(word), "runner {line}: no {word:?} in\n{message}");
+    }
+    assert!(!message.contains("panicked"), "runner {line}\n{message}");
+}
+
+fn valid(path: &Path) -> Record {
+    let record = Record::read(path).unwrap();
+    assert_eq!(record.validate(), Ok(()), "{}", path.display());
+    record
+}
+
+#[test]
+fn devices_are_listed_for_people_and_for_scripts() {
+    let here = folder();
+    let json: serde_json::Value =
+        serde_json::from_slice(&works(here.path(), "devices --json").stdout).unwrap();
+    let devices = json.as_array().unwrap();
+    assert!(!devices.is_empty());
+    for field in [
+        "index",
+        "name",
+        "kind",
+        "uuid",
+        "driver_name",
+        "driver_info",
+        "api_version",
+        "subgroup_size",
+        "shared_memory_bytes",
+        "timestamp_period_ns",
+        "max_workgroup_size",
+        "memory_bytes",
+        "optional",
+        "missing",
+    ] {
+        assert!(devices.iter().all(|d| !d[field].is_null()), "{field} is missing in {json}");
+    }
+    let table = text(&works(here.path(), "devices").stdout);
+    assert!(devices.iter().all(|d| table.contains(d["uuid"].as_str().unwrap())), "{table}");
+}
+
+#[test]
+fn a_run_writes_a_valid_record_and_a_table() {
+    let here = folder();
+    let line = "run cornell sphereflake:triangles=1000,seed=3 --samples 2 --size 64x36 --views 0,2-3 \
+                --builds 1 --depth 3 --seed 7 --set collapse.max_leaf=4 --validate -o new/x.json";
+    let output = works(here.path(), line);
+    let (table, remarks) = (text(&output.stdout), text(&output.stderr));
+    assert!(table.contains("cornell") && table.contains("Binary"), "{table}");
+    assert!(!remarks.contains("validation:"), "{remarks}");
+    let record = valid(&here.path().join("new/x.json"));
+    assert!(record.finished.is_some());
+    assert_eq!((record.run.width, record.run.height, record.run.samples), (64, 36, 2));
+    assert_eq!((record.run.depth, record.run.seed, record.run.warm_up), (3, 7, 1));
+    assert_eq!(record.shaders.len(), tracer::gpu::shaders::ALL.len());
+    assert!(record.parameters.get("collapse.max_leaf").is_some());
+    assert_eq!(record.host.name, None, "a name is only told on request");
+    assert_eq!(record.results.len(), 2);
+    for point in &record.results {
+        assert_eq!(point.build.repetitions.len(), 1);
+        assert!(point.build.repetitions[0].phases.len() == 5);
+        assert!(point.tree.average_triangles_per_leaf <= 4.0);
+        assert_eq!(point.views.len(), 3);
+        for view in &point.views {
+            assert_eq!(view.samples.len(), 2);
+            let counters = view.counters.as_ref().unwrap();
+            assert_eq!(counters.depths[0].rays, 64 * 36);
+            for (depth, count) in counters.depths.iter().enumerate() {
+                assert_eq!(count.boxes, 2 * count.nodes, "depth {depth}");
+                assert!(count.nodes >= count.rays, "depth {depth}");
+                // Counting traces the first sample's rays once more.
+                assert_eq!(count.rays, view.samples[0].depths[depth].rays, "depth {depth}");
+            }
+            assert!(view.samples.iter().all(|s| s.depths.iter().all(|d| d.milliseconds > 0.0)));
+        }
+    }
+    // The room is closed: every path goes on to the last depth.
+    assert!(record.results[0].views.iter().all(|v| v.samples.iter().all(|s| s.depths.len() == 3)));
+    match &record.results[1].scene.source {
+        Source::Generator { name, parameters, .. } => {
+            assert_eq!(name, "sphereflake");
+            assert!(parameters.get("seed").is_some());
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn quiet_is_quiet_and_the_schema_is_json() {
+    let here = folder();
+    let output =
+        works(here.path(), "run cornell:triangles=100 --samples 1 --size 8x8 --views 0 --builds 1 -q");
+    assert_eq!(text(&output.stderr), "");
+    assert!(!output.stdout.is_empty());
+    assert_eq!(fs::read_dir(here.path()).unwrap().count(), 0, "nothing is written unasked");
+    let schema: serde_json::Value = serde_json::from_slice(&works(here.path(), "schema").stdout).unwrap();
+    assert_eq!(schema, record::json_schema());
+    let scenes = text(&works(here.path(), "scenes").stdout);
+    assert!(
+        scenes.contains("cornell") && scenes.contains("sponza") && scenes.contains("missing"),
+        "{scenes}"
+    );
+}
+
+#[test]
+fn mistakes_on_the_command_line_are_explained() {
+    let here = folder();
+    let at = here.path();
+    fails(at, "run nowhere", 1, &["no scene called 'nowhere'", "cornell"]);
+    fails(at, "run sponza", 1, &["sponza.glb", "--scene-dir", "BROADLEAF_SCENES"]);
+    fails(at, "run city:colour=3", 1, &["colour", "triangles"]);
+    fails(at, "run gone/model.glb", 1, &["gone/model.glb"]);
+    fails(at, "run cornell --variant Wide99", 1, &["Wide99", "Binary"]);
+    fails(at, "run cornell --views 12", 1, &["\"12\"", "7 tall block"]);
+    fails(at, "render cornell --view backside -o x.png", 1, &["backside", "0 front"]);
+    fails(at, "run cornell --set ploc.radus=3", 1, &["ploc.radus", "ploc.radius="]);
+    fails(at, "run cornell --set ploc.radius=wide", 1, &["ploc.radius"]);
+    fails(at, "run cornell --device 99", 1, &["99", "there are: 0: "]);
+    fails(at, "run cornell --device Voodoo", 1, &["Voodoo", "there are: 0: "]);
+    fails(at, "run cornell --size 64", 2, &["\"64\"", "1920x1080"]);
+    fails(at, "run cornell --size 0x64", 2, &["between 1 and 32768"]);
+    fails(at, "run cornell --samples 0", 2, &["--samples"]);
+    fails(at, "run", 2, &["SCENE"]);
+    fails(at, "render cornell", 2, &["--output"]);
+    fails(at, "trace gone.rays --scene cornell", 1, &["gone.rays"]);
+    fails(at, "trace . --scene cornell", 1, &["cannot read"]);
+    assert_eq!(fs::read_dir(at).unwrap().count(), 0, "mistakes leave no files");
+}
+
+#[test]
+fn parameters_out_of_range_are_refused_in_words() {
+    let here = folder();
+    for (name, value) in [
+        ("trace.primary_subgroups", "0"),
+        ("trace.secondary_subgroups", "100000"),
+        ("trace.stack", "4000000000"),
+        ("morton.bits", "0"),
+        ("morton.bits", "22"),
+        ("ploc.radius", "0"),
+        ("ploc.radius", "100000"),
+        ("collapse.max_leaf", "0"),
+        ("collapse.max_leaf", "17"),
+        ("collapse.c_t", "-1"),
+        ("collapse.c_i", "1e300"),
+    ] {
+        let line = format!("run cornell:triangles=100 --samples 1 --size 8x8 --set {name}={value}");
+        let words: &[&str] = if name.contains("subgroups") { &["workgroup"] } else { &[name, "not"] };
+        fails(here.path(), &line, 1, words);
+    }
+}
+
+#[test]
+fn damaged_models_are_refused_or_mended_in_words() {
+    let here = folder();
+    let at = here.path();
+    let small = "--samples 1 --size 8x8 --views 0 --builds 1";
+    let write = |name: &str, bytes: &[u8]| fs::write(at.join(name), bytes).unwrap();
+    let mut glb = b"glTF\x02\0\0\0\x00\x10\0\0".to_vec();
+    glb.extend(b"\x20\0\0\0JSON{\"asset\":{\"version\":");
+    write("cut.glb", &glb);
+    fails(at, &format!("run ./cut.glb {small}"), 1, &["cut.glb", "cut short"]);
+    write("empty.glb", b"");
+    fails(at, &format!("run ./empty.glb {small}"), 1, &["empty.glb"]);
+    write("empty.obj", b"");
+    fails(at, &format!("run ./empty.obj {small}"), 1, &["empty.obj", "no triangles"]);
+    write("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 inf\nf 1 2 3\n");
+    fails(at, &format!("run ./nan.obj {small}"), 1, &["nan.obj", "no triangles"]);
+    write("part.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 nan\nf 1 2 3\nf 1 2 4\nf 1 1 1\n");
+    let output = works(at, &format!("run ./part.obj {small} -o part.json"));
+    assert!(text(&output.stderr).contains("skipped 1 triangles with NaN"), "{}", text(&output.stderr));
+    let record = valid(&at.join("part.json"));
+    assert_eq!(record.results[0].scene.triangles, 2);
+    assert_eq!(record.results[0].scene.skipped.get("non_finite"), Some(&1));
+    // One triangle is a scene, too.
+    write("one.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    works(at, "render ./one.obj --samples 1 --size 16x9 -q -o one.png");
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_a_valid_record_of_what_was_measured() {
+    let here = folder();
+    let path = here.path().join("x.json");
+    let line = "run cornell:triangles=500 --samples 30 --size 64x36 --builds 1 -q -o x.json";
+    for wait_for_a_view in [false, true] {
+        let mut child =
+            runner(here.path(), line).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let started = Instant::now();
+        let ready = || match Record::read(&path) {
+            Ok(record) => !wait_for_a_view || record.results.iter().any(|p| !p.views.is_empty()),
+            Err(_) => false,
+        };
+        while !ready() {
+            assert!(started.elapsed() < Duration::from_secs(60), "no record appears");
+            assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(kill.success());
+        let status = child.wait().unwrap();
+        assert_eq!(status.code(), Some(130), "{status:?}");
+        // Before the first view is done, the record says who, where and how, but holds no numbers yet.
+        let record = if wait_for_a_view { valid(&path) } else { Record::read(&path).unwrap() };
+        assert!(record.finished.is_none(), "an interrupted run has no end");
+        let views: Vec<_> = record.results.iter().flat_map(|p| &p.views).collect();
+        assert!(views.iter().all(|v| v.samples.len() == 30), "no view is there in part");
+        assert!(views.len() < 8 && (!wait_for_a_view || !views.is_empty()));
+        fs::remove_file(&path).unwrap();
+    }
+    assert_eq!(fs::read_dir(here.path()).unwrap().count(), 0, "no temporary file is left");
+}
+
+#[test]
+fn without_a_driver_the_message_says_what_to_install() {
+    let here = folder();
+    for line in ["devices", "run cornell", "render cornell -o x.png"] {
+        let output = runner(here.path(), line)
+            .env("VK_DRIVER_FILES", "/nonexistent")
+            .env("VK_ICD_FILENAMES", "/nonexistent")
+            .output()
+            .unwrap();
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{line}: {message}");
+        assert!(message.contains("no Vulkan device") && message.contains("mesa-vulkan-drivers"), "{message}");
+    }
+}
+
+#[test]
+fn the_same_seed_renders_the_same_bytes() {
+    let here = folder();
+    let at = here.path();
+    let render = |name: &str, more: &str| {
+        works(at, &format!("render cornell --samples 2 --size 64x36 {more} -o {name}"));
+        fs::read(at.join(name)).unwrap()
+    };
+    let first = render("a.png", "--seed 5 -q");
+    assert!(first.starts_with(b"\x89PNG"));
+    assert!(first == render("b.png", "--seed 5 -q"), "the same seed");
+    assert!(first != render("c.png", "--seed 6 -q"), "another seed");
+    assert!(first != render("d.png", "--seed 5 --exposure -1 -q"), "another exposure");
+    for cost in ["nodes", "boxes", "triangles"] {
+        let output = works(at, &format!("render cornell --size 64x36 --heatmap {cost} -o {cost}.png"));
+        let line = text(&output.stdout).to_lowercase();
+        assert!(line.starts_with(cost) && line.contains("median"), "{line}");
+        assert!(fs::read(at.join(format!("{cost}.png"))).unwrap().starts_with(b"\x89PNG"));
+    }
+    // A picture that cannot be written is an error that names it.
+    fails(at, "render cornell --samples 1 --size 8x8 -o a.png/b.png", 1, &["a.png/b.png"]);
+}
+
+fn items<const N: usize>(path: &Path, magic: &[u8; 4]) -> Vec<[u32; N]> {
+    let bytes = fs::read(path).unwrap();
+    assert_eq!(&bytes[..4], magic);
+    let word = |b: &[u8]| u32::from_le_bytes(b.try_into().unwrap());
+    assert_eq!(word(&bytes[4..8]), 1);
+    let count = u64::from_le_bytes(bytes[8..16].try_into().unwrap()) as usize;
+    assert_eq!(bytes.len(), 16 + 4 * N * count);
+    bytes[16..].chunks_exact(4 * N).map(|c| std::array::from_fn(|i| word(&c[4 * i..4 * i + 4]))).collect()
+}
+
+fn rays(path: &Path) -> Vec<Ray> {
+    let float = f32::from_bits;
+    let ray = |w: [u32; 8]| Ray {
+        origin: [float(w[0]), float(w[1]), float(w[2])],
+        t_min: float(w[3]),
+        direction: [float(w[4]), float(w[5]), float(w[6])],
+        t_max: float(w[7]),
+    };
+    items(path, b"RAYS").into_iter().map(ray).collect()
+}
+
+fn hits(path: &Path) -> Vec<Hit> {
+    items(path, b"HITS").into_iter().map(|[t, triangle]| Hit { t: f32::from_bits(t), triangle }).collect()
+}
+
+/// Whether distances agree; a hit never agrees with a miss.
+fn near(a: f32, b: f32, relative: f32) -> bool {
+    let off = (a - b).abs();
+    a == b || off.is_finite() && off <= relative * a.abs()
+}
+
+/// Writes one wavefront's rays and hits, traces the rays again, and holds every `step`th hit against brute
+/// force. Returns the number of rays.
+fn rays_and_hits(at: &Path, spec: &str, more: &str, scene: &scene::Scene, depth: u32, step: usize) -> usize {
+    works(
+        at,
+        &format!("rays {spec} {more} --view 0 --depth {depth} --size 128x72 -o a/r.rays --hits a/r.hits"),
+    );
+    let output = works(
+        at,
+        &format!("trace a/r.rays --scene {spec} {more} --variant Binary --launches 2 --hits a/r2.hits"),
+    );
+    assert!(text(&output.stdout).contains("fastest") && text(&output.stdout).contains("median"));
+    let (rays, first) = (rays(&at.join("a/r.rays")), hits(&at.join("a/r.hits")));
+    let again = hits(&at.join("a/r2.hits"));
+    assert_eq!((first.len(), again.len()), (rays.len(), rays.len()));
+    // Where rays meet an edge, the two sides may be told apart differently; distances may not.
+    for ((ray, a), b) in rays.iter().zip(&first).zip(&again) {
+        assert!(a == b || near(a.t, b.t, 1e-6), "{spec}: {ray:?}: {a:?}, then {b:?}");
+    }
+    for (ray, hit) in rays.iter().zip(&first).step_by(step) {
+        let mut want = cpu::brute_force(&scene.positions, ray);
+        if want.triangle != Hit::MISS {
+            want.t = cpu::refine(ray, &scene.positions[want.triangle as usize], want.t);
+        }
+        assert!(near(hit.t, want.t, 1e-5), "{spec}: {ray:?}: {hit:?}, brute force {want:?}");
+    }
+    rays.len()
+}
+
+#[test]
+fn rays_traced_from_a_file_hit_what_brute_force_hits() {
+    let here = folder();
+    let at = here.path();
+    let spec = "cornell:triangles=2000";
+    let room = scene::load(spec, &SearchPath::only([])).unwrap();
+    for depth in [0, 2] {
+        assert_eq!(rays_and_hits(at, spec, "", &room, depth, 2), 128 * 72, "the room is closed");
+    }
+    let spec = "hairball:triangles=3000";
+    let open = scene::load(spec, &SearchPath::only([])).unwrap();
+    let second = rays_and_hits(at, spec, "", &open, 1, 1);
+    assert!((1..128 * 72).contains(&second), "{second}");
+    // Deeper than any path goes there may be no rays, and a file without rays is a file.
+    works(at, &format!("rays {spec} --depth 63 --size 16x9 -o none.rays --hits none.hits"));
+    works(at, &format!("trace none.rays --scene {spec} --launches 1 --primary --hits none2.hits"));
+    assert_eq!(hits(&at.join("none.hits")).len(), hits(&at.join("none2.hits")).len());
+    fs::copy(at.join("none.hits"), at.join("wrong.rays")).unwrap();
+    fails(at, &format!("trace wrong.rays --scene {spec}"), 1, &["wrong.rays", "not a RAYS file"]);
+}
+
+#[test]
+fn a_real_scene_is_traced_as_by_brute_force() {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
+    let folders = std::env::var_os("BROADLEAF_SCENES").map(|v| std::env::split_paths(&v).collect::<Vec<_>>());
+    let mut folders: Vec<PathBuf> = folders.unwrap_or_default();
+    folders.push(beside);
+    let Some(at) = folders.iter().find(|f| f.join("sponza.glb").is_file()) else {
+        println!("SKIPPED: sponza.glb is not there; set BROADLEAF_SCENES");
+        return;
+    };
+    let here = folder();
+    let scene = scene::load("sponza", &SearchPath::only([at.clone()])).unwrap();
+    let more = format!("--scene-dir {}", fs::canonicalize(at).unwrap().display());
+    assert!(rays_and_hits(here.path(), "sponza", &more, &scene, 1, 20) > 4000);
+}

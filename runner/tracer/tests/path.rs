@@ -1,0 +1,379 @@
+//! Path tracing where the answer is known: closed rooms, furnaces, lone objects, the sky.
+
+mod support;
+
+use std::collections::HashMap;
+use support::{assert_silent, awkward, builder, gpu, icosphere, mesh, plant, scattered, scene, view};
+use tracer::{
+    bvh2::Triangle,
+    path::{Camera, DeviceScene, Params, PathTracer, Sample, Wavefront},
+    scene::{self as scenes, Scene, SearchPath, Sky, View},
+    traverse::{self, Hit, Ray, Traversal},
+};
+
+type Point = [f32; 3];
+
+const SIZE: (u32, u32) = (256, 144);
+const PIXELS: usize = 256 * 144;
+
+/// Traces `samples` paths a pixel and returns the sums of radiance and what each sample was made of.
+fn render(
+    scene: &Scene,
+    view: &View,
+    params: &Params,
+    traversal: &traverse::Params,
+    samples: u32,
+) -> (Vec<[f32; 4]>, Vec<Sample>) {
+    let planted = plant(builder(), &scene.positions);
+    let device = DeviceScene::upload(gpu(), scene).unwrap();
+    let traversal = Traversal::new(gpu(), traversal, planted.tree.depth, false).unwrap();
+    let tracer = PathTracer::new(gpu(), &device, SIZE, params, false).unwrap();
+    let camera = Camera::new(view, SIZE.0, SIZE.1);
+    tracer.clear().unwrap();
+    let samples = (0..samples)
+        .map(|sample| tracer.sample(&traversal, &planted.tree, &camera, sample).unwrap())
+        .collect();
+    (tracer.picture().unwrap(), samples)
+}
+
+/// Every wavefront of one path a pixel.
+fn wavefronts(scene: &Scene, view: &View, params: &Params, sample: u32) -> Vec<Wavefront> {
+    let planted = plant(builder(), &scene.positions);
+    let device = DeviceScene::upload(gpu(), scene).unwrap();
+    let traversal = Traversal::new(gpu(), &traverse::Params::default(), planted.tree.depth, false).unwrap();
+    let tracer = PathTracer::new(gpu(), &device, SIZE, params, false).unwrap();
+    let camera = Camera::new(view, SIZE.0, SIZE.1);
+    tracer.clear().unwrap();
+    let mut waves = Vec::new();
+    tracer
+        .wavefronts(&traversal, &planted.tree, &camera, sample, |wave| {
+            waves.push(wave);
+            true
+        })
+        .unwrap();
+    waves
+}
+
+fn sub(a: Point, b: Point) -> [f64; 3] {
+    std::array::from_fn(|k| f64::from(a[k]) - f64::from(b[k]))
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|k| a[k] * b[k]).sum()
+}
+
+fn normal([a, b, c]: &Triangle) -> [f64; 3] {
+    let (u, v) = (sub(*b, *a), sub(*c, *a));
+    let n: [f64; 3] =
+        std::array::from_fn(|k| u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3]);
+    n.map(|x| x / dot(n, n).sqrt())
+}
+
+/// Whether two triangles lie in one plane, to a part in a hundred thousand.
+fn coplanar(a: &Triangle, b: &Triangle) -> bool {
+    let n = normal(a);
+    let size = a.iter().chain(b).flatten().fold(0f32, |m, x| m.max(x.abs()));
+    b.iter().all(|p| dot(n, sub(*p, a[0])).abs() < 1e-5 * f64::from(size))
+}
+
+/// No ray leaves a closed scene, none meets the surface it starts from, and none sees a surface from
+/// behind, as it would from outside the scene or from inside a closed object. Returns the secondary rays.
+fn assert_nothing_leaks(
+    what: &str,
+    scene: &Scene,
+    waves: &[Wavefront],
+    two_sided: &[u32],
+    sign: f64,
+) -> usize {
+    let mut secondary = 0;
+    let mut before: HashMap<u32, u32> = HashMap::new();
+    for wave in waves {
+        if wave.depth > 0 {
+            secondary += wave.rays.len();
+            assert_eq!(
+                wave.rays.len(),
+                before.len(),
+                "{what}: every ray of depth {} goes on",
+                wave.depth - 1
+            );
+        }
+        let mut now = HashMap::new();
+        for ((ray, hit), pixel) in wave.rays.iter().zip(&wave.hits).zip(&wave.pixels) {
+            let depth = wave.depth;
+            assert_ne!(hit.triangle, Hit::MISS, "{what}, depth {depth}, pixel {pixel}: {ray:?} leaves");
+            let met = &scene.positions[hit.triangle as usize];
+            if let Some(&from) = before.get(pixel) {
+                assert_ne!(from, hit.triangle, "{what}, depth {depth}: {ray:?} meets its own triangle");
+                let own = &scene.positions[from as usize];
+                assert!(!coplanar(own, met), "{what}, depth {depth}: {ray:?} meets the plane it starts from");
+            } else {
+                assert_eq!(depth, 0, "{what}: a ray without a past");
+            }
+            if !two_sided.contains(&scene.material_ids[hit.triangle as usize]) {
+                let facing = dot(normal(met), ray.direction.map(f64::from)) * sign;
+                assert!(facing < 0.0, "{what}, depth {depth}: {ray:?} sees {hit:?} from behind");
+            }
+            assert!(now.insert(*pixel, hit.triangle).is_none(), "{what}: two rays of one pixel");
+        }
+        before = now;
+    }
+    secondary
+}
+
+#[test]
+fn no_path_leaves_a_closed_room_or_meets_the_surface_it_starts_from() {
+    let room = scenes::load("cornell", &SearchPath::only([])).unwrap();
+    let lamp = room.materials.iter().position(|m| m.name == "light").unwrap() as u32;
+    let mut secondary = 0;
+    for (view, sample) in [(0, 0), (5, 1)] {
+        let waves = wavefronts(&room, &room.views[view], &Params::default(), sample);
+        assert_eq!(waves.len(), 8);
+        assert!(waves.iter().all(|w| w.rays.len() == PIXELS));
+        secondary += assert_nothing_leaks("room", &room, &waves, &[lamp], 1.0);
+    }
+    assert!(secondary >= 400_000, "{secondary}");
+    // The same room far from the origin, where coordinates have fewer digits behind the point.
+    let mut far = room.clone();
+    far.positions
+        .iter_mut()
+        .flatten()
+        .for_each(|p| *p = std::array::from_fn(|k| p[k] + [300.0, -100.0, 50.0][k]));
+    let mut seen = room.views[0].clone();
+    for p in [&mut seen.eye, &mut seen.target] {
+        *p = std::array::from_fn(|k| p[k] + [300.0, -100.0, 50.0][k]);
+    }
+    let waves = wavefronts(&far, &seen, &Params { depth: 3, seed: 5 }, 0);
+    assert_nothing_leaks("room far away", &far, &waves, &[lamp], 1.0);
+    assert_silent();
+}
+
+#[test]
+fn a_furnace_has_the_radiance_of_the_geometric_series() {
+    let albedo = [0.2, 0.5, 0.8];
+    let emission = [1.0, 2.0, 0.5];
+    let sphere = scene(mesh(&icosphere(5)), albedo, emission, [100.0; 3]);
+    let inside = view([0.1, -0.2, 0.05], [1.0, 0.3, -0.5], 90.0);
+    let waves = wavefronts(&sphere, &inside, &Params::default(), 0);
+    assert!(assert_nothing_leaks("sphere", &sphere, &waves, &[], -1.0) > 250_000);
+    for depth in [1, 2, 3, 8] {
+        let (picture, samples) =
+            render(&sphere, &inside, &Params { depth, seed: 1 }, &traverse::Params::default(), 1);
+        assert_eq!(samples[0].waves.len(), depth as usize);
+        assert!(samples[0].waves.iter().all(|w| w.rays == PIXELS as u64), "{:?}", samples[0]);
+        for channel in 0..3 {
+            let (a, e) = (f64::from(albedo[channel]), f64::from(emission[channel]));
+            let want: f64 = (0..depth).map(|k| e * a.powi(k as i32)).sum();
+            for (pixel, got) in picture.iter().enumerate() {
+                let off = (f64::from(got[channel]) - want).abs();
+                assert!(
+                    off < 1e-5 * want,
+                    "depth {depth}, pixel {pixel}: {got:?}, channel {channel} is {want}"
+                );
+            }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn a_lone_white_object_under_a_white_sky_cannot_be_seen() {
+    for (radius, centre) in [(1.0, [0.0; 3]), (20.0, [500.0, 0.0, -800.0]), (1e-3, [0.0; 3])] {
+        let (mut corners, faces) = icosphere(4);
+        corners.iter_mut().for_each(|p| *p = std::array::from_fn(|k| centre[k] + radius * p[k]));
+        let ball = scene(mesh(&(corners, faces)), [1.0; 3], [0.0; 3], [1.0; 3]);
+        let eye = std::array::from_fn(|k| centre[k] + radius * [0.3, 0.7, 1.6][k]);
+        let (picture, samples) =
+            render(&ball, &view(eye, centre, 80.0), &Params::default(), &traverse::Params::default(), 3);
+        for sample in &samples {
+            // Nothing on a convex object sees another part of it.
+            let waves: Vec<u64> = sample.waves.iter().map(|w| w.rays).collect();
+            assert_eq!(waves.len(), 2, "radius {radius}: rays of each depth: {waves:?}");
+            assert!(waves[1] > PIXELS as u64 / 10, "{waves:?}");
+        }
+        for got in &picture {
+            assert!(got[..3].iter().all(|x| (x - 3.0).abs() < 3e-5), "radius {radius}: {got:?}");
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn the_sky_is_what_the_scene_says() {
+    let mut empty = scene(scattered(4, 1.0, 0.1), [0.5; 3], [0.0; 3], [0.0; 3]);
+    empty.sky = Sky { zenith: [1.0, 2.0, 3.0], horizon: [5.0, 6.0, 7.0], ground: [0.25, 0.5, 0.75] };
+    let away = view([0.0, 50.0, 0.0], [60.0, 60.0, 1.0], 100.0);
+    let waves = wavefronts(&empty, &away, &Params { depth: 1, seed: 0 }, 0);
+    let (picture, _) = render(&empty, &away, &Params { depth: 1, seed: 0 }, &traverse::Params::default(), 1);
+    let (mut up, mut down) = (0, 0);
+    for (ray, &pixel) in waves[0].rays.iter().zip(&waves[0].pixels) {
+        let want = empty.sky.radiance(ray.direction);
+        let got = picture[pixel as usize];
+        assert!((0..3).all(|k| (got[k] - want[k]).abs() < 1e-4), "{ray:?}: {got:?}, not {want:?}");
+        *(if ray.direction[1] > 0.0 { &mut up } else { &mut down }) += 1;
+    }
+    assert!(up > 5000 && down > 5000, "{up} up, {down} down");
+    assert_silent();
+}
+
+#[test]
+fn a_picture_depends_on_its_seed_and_on_nothing_else() {
+    let room = scenes::load("cornell:triangles=2000", &SearchPath::only([])).unwrap();
+    let eight = Params { depth: 4, seed: 3 };
+    let usual = traverse::Params::default();
+    let bits = |p: &[[f32; 4]]| p.as_flattened().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let (first, _) = render(&room, &room.views[0], &eight, &usual, 2);
+    let (again, _) = render(&room, &room.views[0], &eight, &usual, 2);
+    assert!(bits(&first) == bits(&again), "the same seed gives the same bytes");
+    let other_launch =
+        traverse::Params { primary_subgroups: 1, secondary_subgroups: 3, fetch_below: 1.0, ..usual };
+    let (launched, _) = render(&room, &room.views[0], &eight, &other_launch, 2);
+    // Where a ray meets an edge, the order in which triangles are tested decides between its sides.
+    let same = first.iter().zip(&launched).filter(|(a, b)| a == b).count();
+    assert!(same > PIXELS * 999 / 1000, "{same} of {PIXELS} pixels are the same however rays are scheduled");
+    let (seeded, _) = render(&room, &room.views[0], &Params { seed: 4, ..eight.clone() }, &usual, 2);
+    let lit: Vec<_> = first.iter().zip(&seeded).filter(|(a, b)| a != b || a[0] > 0.0).collect();
+    let same = lit.iter().filter(|(a, b)| a == b).count();
+    assert!(same < lit.len() / 4, "another seed changes the picture, but {same} of {} pixels", lit.len());
+    let mean = |p: &[[f32; 4]]| p.iter().map(|x| f64::from(x[1])).sum::<f64>() / p.len() as f64;
+    assert!((mean(&first) / mean(&seeded) - 1.0).abs() < 0.05, "but not how bright it is");
+    assert!(first.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
+    assert_silent();
+}
+
+/// Pearson's statistic of numbers in 0 to 1 against the uniform distribution, less its mean and in units of
+/// its standard deviation.
+fn unevenness(numbers: impl Iterator<Item = f64>, bins: usize) -> f64 {
+    let mut counts = vec![0u32; bins];
+    let mut n = 0;
+    for x in numbers {
+        assert!((0.0..=1.0).contains(&x), "{x}");
+        counts[((x * bins as f64) as usize).min(bins - 1)] += 1;
+        n += 1;
+    }
+    let mean = f64::from(n) / bins as f64;
+    let statistic: f64 = counts.iter().map(|&c| (f64::from(c) - mean).powi(2) / mean).sum();
+    let freedom = (bins - 1) as f64;
+    (statistic - freedom) / (2.0 * freedom).sqrt()
+}
+
+#[test]
+fn secondary_rays_follow_the_cosine_and_are_independent() {
+    // A floor that fills the picture, under a ceiling so large that every ray meets it, and so on.
+    let quad = |y: f32, up: bool| -> [Triangle; 2] {
+        let (a, b, c, d) = ([-1e4, y, -1e4], [1e4, y, -1e4], [1e4, y, 1e4], [-1e4, y, 1e4]);
+        if up { [[a, c, b], [a, d, c]] } else { [[a, b, c], [a, c, d]] }
+    };
+    let triangles = [quad(0.0, true), quad(10.0, false)].concat();
+    let layers = scene(triangles, [0.5; 3], [0.0; 3], [1.0; 3]);
+    let down = View { up: [0.0, 0.0, -1.0], ..view([0.0, 9.0, 0.0], [0.0, 0.0, 0.0], 60.0) };
+    let mut previous: Option<Vec<(f64, f64)>> = None;
+    for (seed, sample) in [(0, 0), (0, 1), (1, 0)] {
+        let waves = wavefronts(&layers, &down, &Params { depth: 3, seed }, sample);
+        let n = waves[1].rays.len();
+        assert_eq!(n, PIXELS);
+        for wave in &waves[1..3] {
+            let sign = if wave.depth == 1 { 1.0 } else { -1.0 };
+            let cosines = || wave.rays.iter().map(|r| f64::from(r.direction[1]) * sign);
+            assert!(wave.rays.iter().all(|r| {
+                let d = r.direction.map(f64::from);
+                (dot(d, d) - 1.0).abs() < 1e-5 && r.t_min == 0.0 && r.t_max == f32::INFINITY
+            }));
+            if wave.depth == 1 {
+                let mean = cosines().sum::<f64>() / n as f64;
+                // Five standard deviations of the mean: those of a cosine are 1/sqrt(18).
+                assert!(
+                    (mean - 2.0 / 3.0).abs() < 5.0 * (1.0 / 18.0 / n as f64).sqrt(),
+                    "mean cosine {mean}"
+                );
+            }
+            // Under a density of cosine / pi, the cosine's square is uniform, and so is the azimuth.
+            assert!(unevenness(cosines().map(|c| (c * c).min(1.0)), 64) < 6.0, "depth {}", wave.depth);
+            let azimuth = |r: &Ray| {
+                let turn = f64::from(r.direction[2]).atan2(f64::from(r.direction[0]));
+                (turn / std::f64::consts::TAU + 1.0) % 1.0
+            };
+            assert!(unevenness(wave.rays.iter().map(azimuth), 64) < 6.0, "depth {}", wave.depth);
+        }
+        // Pairs of numbers: both of one ray, neighbours in the picture, two samples or seeds of a pixel.
+        let mut by_pixel: Vec<(f64, f64)> = vec![(0.0, 0.0); PIXELS];
+        for (ray, &pixel) in waves[1].rays.iter().zip(&waves[1].pixels) {
+            let d = ray.direction.map(f64::from);
+            by_pixel[pixel as usize] =
+                (1.0 - (d[1] * d[1]).min(1.0), (d[2].atan2(d[0]) / std::f64::consts::TAU + 1.0) % 1.0);
+        }
+        let pairs = |list: Vec<(f64, f64)>| {
+            let joint = list.iter().map(|&(a, b)| {
+                let row = (a * 16.0).floor().min(15.0);
+                (row * 16.0 + (b * 16.0).floor().min(15.0) + 0.5) / 256.0
+            });
+            unevenness(joint, 256)
+        };
+        assert!(pairs(by_pixel.clone()) < 6.0, "the two numbers of a ray");
+        let neighbours = by_pixel.windows(2).map(|w| (w[0].0, w[1].0)).collect();
+        assert!(pairs(neighbours) < 6.0, "numbers of neighbouring pixels");
+        if let Some(previous) = &previous {
+            let both = previous.iter().zip(&by_pixel).map(|(a, b)| (a.0, b.0)).collect();
+            assert!(pairs(both) < 6.0, "numbers of two samples");
+        }
+        previous = Some(by_pixel);
+    }
+    assert_silent();
+}
+
+#[test]
+fn primary_rays_are_spread_evenly_over_their_pixels() {
+    let anything = scene(scattered(4, 1.0, 0.1), [0.5; 3], [0.0; 3], [0.0; 3]);
+    // At 90 degrees the picture's half height is 1 at distance 1.
+    let ahead = view([0.0; 3], [0.0, 0.0, -1.0], 90.0);
+    let waves = wavefronts(&anything, &ahead, &Params { depth: 1, seed: 9 }, 4);
+    let place = |r: &Ray, pixel: u32| {
+        let [x, y, z] = r.direction.map(f64::from);
+        let half = f64::from(SIZE.1) / 2.0;
+        let column = x / -z * half + f64::from(SIZE.0) / 2.0;
+        let row = half - y / -z * half;
+        // Rounding may put a point on the edge of its pixel.
+        let within = |at: f64, pixel: u32| (at - f64::from(pixel)).clamp(-1e-3, 1.0 + 1e-3).clamp(0.0, 1.0);
+        let (u, v) = (within(column, pixel % SIZE.0), within(row, pixel / SIZE.0));
+        assert!((column - f64::from(pixel % SIZE.0) - u).abs() < 1e-3, "{r:?} is not in pixel {pixel}");
+        assert!((row - f64::from(pixel / SIZE.0) - v).abs() < 1e-3, "{r:?} is not in pixel {pixel}");
+        (u, v)
+    };
+    let places: Vec<_> = waves[0].rays.iter().zip(&waves[0].pixels).map(|(r, &p)| place(r, p)).collect();
+    assert_eq!(places.len(), PIXELS);
+    assert!(unevenness(places.iter().map(|p| p.0), 64) < 6.0);
+    assert!(unevenness(places.iter().map(|p| p.1), 64) < 6.0);
+    assert_silent();
+}
+
+#[test]
+fn awkward_scenes_give_finite_pictures() {
+    let mut random = support::Random(23);
+    // Corners on a line, where rounding gives a triangle an area as seen by some rays.
+    let on_a_line: Vec<Triangle> = (0..500)
+        .map(|_| {
+            let (a, b) = (random.point(10.0), random.point(10.0));
+            [a, b, std::array::from_fn(|k| a[k] + 2.0 * (b[k] - a[k]))]
+        })
+        .collect();
+    let mut scenes = awkward(300);
+    scenes.push(("on a line", on_a_line));
+    scenes.push(("very tiny", scattered(300, 1e-11, 1e-12)));
+    scenes.push(("very huge", scattered(300, 1e10, 1e9)));
+    for (what, triangles) in scenes {
+        let lit = scene(triangles, [0.8; 3], [0.1; 3], [1.0; 3]);
+        let (lo, hi) = lit.bounds();
+        let middle = std::array::from_fn(|k| 0.5 * lo[k] + 0.5 * hi[k]);
+        let reach = (0..3).fold(0f32, |m, k| m.max(hi[k] - lo[k])).max(1e-20);
+        let eye = std::array::from_fn(|k| middle[k] + reach * [0.3, 0.4, 0.9][k]);
+        let (picture, _) = render(
+            &lit,
+            &view(eye, middle, 70.0),
+            &Params { depth: 4, seed: 0 },
+            &traverse::Params::default(),
+            1,
+        );
+        let bad = picture.iter().filter(|p| !p.iter().all(|x| (0.0..10.0).contains(x))).count();
+        assert_eq!(bad, 0, "{what}: pixels that are not finite");
+    }
+    assert_silent();
+}

@@ -1,0 +1,86 @@
+//! Shaders are built from their sources, all of them, and nothing else.
+
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn below(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            below(&path, extension, found);
+        } else if path.extension().is_some_and(|e| e == extension) {
+            found.push(path);
+        }
+    }
+}
+
+/// A source and all that it includes, directly or not.
+fn included(source: &Path, all: &mut BTreeSet<PathBuf>) {
+    if !all.insert(source.to_path_buf()) {
+        return;
+    }
+    for line in fs::read_to_string(source).unwrap().lines() {
+        if let Some(name) = line.trim().strip_prefix("#include \"").and_then(|l| l.strip_suffix('"')) {
+            included(&root().join("shaders").join(name), all);
+        }
+    }
+}
+
+#[test]
+fn cargo_knows_every_include_of_every_shader() {
+    // What the build script told cargo lies beside its output folder.
+    let out = Path::new(env!("OUT_DIR"));
+    let told = fs::read_to_string(out.with_file_name("output")).unwrap();
+    let told: BTreeSet<PathBuf> = told
+        .lines()
+        .filter_map(|l| l.strip_prefix("cargo::rerun-if-changed="))
+        .map(|p| root().join(p))
+        .collect();
+    let mut sources = Vec::new();
+    below(&root().join("src"), "comp", &mut sources);
+    assert!(!sources.is_empty());
+    let mut includes = 0;
+    for source in sources {
+        let mut needed = BTreeSet::new();
+        included(&source, &mut needed);
+        includes += needed.len() - 1;
+        for file in &needed {
+            assert!(told.contains(file), "{} needs {}", source.display(), file.display());
+        }
+    }
+    assert!(includes > 20, "{includes}");
+    // A new shader, which nothing includes yet, must be seen too.
+    assert!(told.contains(&root().join("src")) && told.contains(&root().join("shaders")));
+}
+
+#[test]
+fn every_include_is_included() {
+    let (mut sources, mut used, mut there) = (Vec::new(), BTreeSet::new(), Vec::new());
+    below(&root().join("src"), "comp", &mut sources);
+    sources.iter().for_each(|s| included(s, &mut used));
+    below(&root().join("shaders"), "glsl", &mut there);
+    for file in there {
+        assert!(used.contains(&file), "no shader includes {}", file.display());
+    }
+}
+
+#[test]
+fn no_compiled_shader_is_committed() {
+    let list = Command::new("git").args(["ls-files"]).current_dir(root().join("../..")).output();
+    match list {
+        Ok(list) if list.status.success() => {
+            let files = String::from_utf8(list.stdout).unwrap();
+            let compiled: Vec<_> = files.lines().filter(|f| f.ends_with(".spv")).collect();
+            assert!(compiled.is_empty(), "{compiled:?}");
+        }
+        _ => println!("SKIPPED: not a git checkout"),
+    }
+}

@@ -1,0 +1,239 @@
+//! What tests on a device share: the device under the validation layer, triangles of every awkward kind,
+//! closed meshes, and scenes made of them.
+
+#![allow(dead_code, reason = "each test binary uses its own part")]
+
+use std::sync::OnceLock;
+use tracer::{
+    builder::{BuildParams, Builder},
+    bvh2::Triangle,
+    gpu::{Buffer, Gpu, Options},
+    layout::{LeafTriangle, binary::BinaryNode},
+    scene::{LoadReport, Material, Origin, Provenance, Scene, Sky, View},
+    traverse::Tree,
+};
+
+/// One device for all tests of a binary, with validation on.
+pub fn gpu() -> &'static Gpu {
+    static GPU: OnceLock<Gpu> = OnceLock::new();
+    GPU.get_or_init(|| Gpu::open(&Options { validate: true, ..Default::default() }).expect("a device"))
+}
+
+/// Fails if the validation layer has said anything so far.
+pub fn assert_silent() {
+    assert_eq!(gpu().validation_messages(), Vec::<String>::new());
+}
+
+/// A small generator of random numbers (SplitMix64), so that tests repeat.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        x ^ (x >> 31)
+    }
+
+    /// In 0 to 1.
+    pub fn unit(&mut self) -> f32 {
+        (self.next() >> 40) as f32 / (1u64 << 24) as f32
+    }
+
+    pub fn point(&mut self, scale: f32) -> [f32; 3] {
+        std::array::from_fn(|_| (self.unit() - 0.5) * scale)
+    }
+}
+
+/// Triangles of `size` scattered over a cube of edge `scene`.
+pub fn scattered(n: usize, scene: f32, size: f32) -> Vec<Triangle> {
+    let mut random = Random(n as u64);
+    (0..n)
+        .map(|_| {
+            let at = random.point(scene);
+            std::array::from_fn(|_| {
+                let offset = random.point(size);
+                std::array::from_fn(|i| at[i] + offset[i])
+            })
+        })
+        .collect()
+}
+
+/// A height field of two triangles a cell: a surface, as scenes are made of.
+pub fn terrain(n: usize) -> Vec<Triangle> {
+    let side = (n as f64 / 2.0).sqrt().ceil() as usize;
+    let height = |x: f32, y: f32| (x * 0.37).sin() * 3.0 + (y * 0.23).cos() * 4.0 + (x * y * 0.01).sin();
+    let corner = |x: usize, y: usize| {
+        let (x, y) = (x as f32, y as f32);
+        [x, height(x, y), y]
+    };
+    (0..n)
+        .map(|i| {
+            let (x, y) = (i / 2 % side, i / 2 / side);
+            if i % 2 == 0 {
+                [corner(x, y), corner(x + 1, y), corner(x, y + 1)]
+            } else {
+                [corner(x + 1, y), corner(x + 1, y + 1), corner(x, y + 1)]
+            }
+        })
+        .collect()
+}
+
+/// Degenerate inputs of `n` triangles, each with its name.
+pub fn awkward(n: usize) -> Vec<(&'static str, Vec<Triangle>)> {
+    let one = [[1.0, 2.0, 3.0], [4.0, 2.5, 3.0], [1.0, 7.0, 3.5]];
+    let mut random = Random(7);
+    let flat = (0..n).map(|_| std::array::from_fn(|_| [random.unit(), 0.25, random.unit()])).collect();
+    let points = (0..n).map(|_| [random.point(10.0); 3]).collect();
+    // Boxes with one centre, each in the next: every one's nearest neighbour is the next smaller.
+    let nest = (0..n)
+        .map(|i| {
+            let r = 1.0 + i as f32;
+            [[-r, -r, -r], [r, r, r], [r, -r, r]]
+        })
+        .collect();
+    // Along a line, each gap twice the last, until floats end; then again.
+    let doubling = (0..n)
+        .map(|i| {
+            let x = 2.0f32.powi((i % 60) as i32);
+            [[x, 0.0, 0.0], [x, 0.1, 0.0], [x, 0.0, 0.1]]
+        })
+        .collect();
+    vec![
+        ("all identical", vec![one; n]),
+        ("all one point", vec![[[5.0; 3]; 3]; n]),
+        ("all in one plane", flat),
+        ("all of zero area", points),
+        ("one box in the next", nest),
+        ("growing gaps", doubling),
+        ("huge", scattered(n, 1e18, 1e17)),
+        ("tiny", scattered(n, 1e-18, 1e-19)),
+        (
+            "tiny and far away",
+            scattered(n, 0.0, 1e-3).iter().map(|t| t.map(|p| p.map(|x| x + 1e4))).collect(),
+        ),
+        ("two far corners", (0..n).map(|i| [[if i % 2 == 0 { -1e18 } else { 1e18 }; 3]; 3]).collect()),
+    ]
+}
+
+/// A tree on the device and on the host.
+pub struct Planted {
+    pub tree: Tree,
+    pub nodes: Vec<BinaryNode>,
+    pub leaves: Vec<LeafTriangle>,
+    _nodes: Buffer,
+    _leaves: Buffer,
+}
+
+/// A builder with the usual parameters; compiling its kernels takes longer than most builds.
+pub fn builder() -> &'static Builder {
+    static BUILDER: OnceLock<Builder> = OnceLock::new();
+    BUILDER.get_or_init(|| Builder::new(gpu(), &BuildParams::default()).unwrap())
+}
+
+/// Builds a tree.
+pub fn plant(builder: &Builder, triangles: &[Triangle]) -> Planted {
+    let workspace = builder.workspace(triangles.len()).unwrap();
+    let buffer = gpu().upload("triangles", triangles).unwrap();
+    let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
+    let (nodes, leaves) = (workspace.nodes, workspace.triangles);
+    let extent = triangles.as_flattened().as_flattened().iter().fold(0f32, |m, x| m.max(x.abs()));
+    let tree =
+        Tree { nodes: nodes.address(), triangles: leaves.address(), depth: report.summary.depth, extent };
+    Planted {
+        tree,
+        nodes: nodes.read(0, report.summary.nodes as usize).unwrap(),
+        leaves: leaves.read(0, triangles.len()).unwrap(),
+        _nodes: nodes,
+        _leaves: leaves,
+    }
+}
+
+/// Corners of an icosahedron whose faces were each cut in four `levels` times, on the unit sphere, and its
+/// faces, counter-clockwise as seen from outside: 20 · 4^levels. Neighbours share corners.
+pub fn icosphere(levels: u32) -> (Vec<[f32; 3]>, Vec<[usize; 3]>) {
+    let unit = |p: [f32; 3]| {
+        let length = p.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+        p.map(|x| (f64::from(x) / length) as f32)
+    };
+    let g = f32::midpoint(1.0, 5f32.sqrt());
+    let mut corners = Vec::new();
+    for (a, b) in [(-1.0, g), (1.0, g), (-1.0, -g), (1.0, -g)] {
+        corners.push([a, b, 0.0]);
+    }
+    for (a, b) in [(-1.0, g), (1.0, g), (-1.0, -g), (1.0, -g)] {
+        corners.push([0.0, a, b]);
+    }
+    for (a, b) in [(-1.0, g), (1.0, g), (-1.0, -g), (1.0, -g)] {
+        corners.push([b, 0.0, a]);
+    }
+    corners.iter_mut().for_each(|p| *p = unit(*p));
+    let mut faces = vec![
+        [0, 11, 5],
+        [0, 5, 1],
+        [0, 1, 7],
+        [0, 7, 10],
+        [0, 10, 11],
+        [1, 5, 9],
+        [5, 11, 4],
+        [11, 10, 2],
+        [10, 7, 6],
+        [7, 1, 8],
+        [3, 9, 4],
+        [3, 4, 2],
+        [3, 2, 6],
+        [3, 6, 8],
+        [3, 8, 9],
+        [4, 9, 5],
+        [2, 4, 11],
+        [6, 2, 10],
+        [8, 6, 7],
+        [9, 8, 1],
+    ];
+    for _ in 0..levels {
+        let mut middles = std::collections::HashMap::new();
+        let mut middle = |a: usize, b: usize| {
+            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                let sum = std::array::from_fn(|k| corners[a][k] + corners[b][k]);
+                corners.push(unit(sum));
+                corners.len() - 1
+            })
+        };
+        faces = faces
+            .iter()
+            .flat_map(|&[a, b, c]| {
+                let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+            })
+            .collect();
+    }
+    (corners, faces)
+}
+
+/// The triangles of a mesh.
+pub fn mesh((corners, faces): &(Vec<[f32; 3]>, Vec<[usize; 3]>)) -> Vec<Triangle> {
+    faces.iter().map(|f| f.map(|i| corners[i])).collect()
+}
+
+/// A scene of one material under a sky of one colour.
+pub fn scene(positions: Vec<Triangle>, albedo: [f32; 3], emission: [f32; 3], sky: [f32; 3]) -> Scene {
+    Scene {
+        name: "test".into(),
+        material_ids: vec![0; positions.len()],
+        positions,
+        materials: vec![Material { name: String::new(), albedo, emission }],
+        views: Vec::new(),
+        sky: Sky { zenith: sky, horizon: sky, ground: sky },
+        provenance: Provenance {
+            origin: Origin::File { path: "test".into(), sha256: String::new() },
+            licence: String::new(),
+            credit: String::new(),
+        },
+        report: LoadReport::default(),
+    }
+}
+
+/// A view.
+pub fn view(eye: [f32; 3], target: [f32; 3], vfov_degrees: f32) -> View {
+    View { name: String::new(), eye, target, up: [0.0, 1.0, 0.0], vfov_degrees }
+}
