@@ -110,7 +110,7 @@ pub enum Command {
     },
     /// Print the JSON Schema of the record
     Schema,
-    /// Print completions for a shell, such as `runner completions bash > ~/.local/share/bash-completion/completions/runner`
+    /// Print completions for a shell, such as `source <(runner completions bash)`
     Completions {
         /// The shell
         shell: clap_complete::Shell,
@@ -155,7 +155,7 @@ pub struct Run {
     pub seed: u32,
     #[command(flatten)]
     pub tuning: Tuning,
-    /// Where the record goes; it is written anew after each scene
+    /// Where the record goes; it is written anew after each view
     #[arg(short, long, value_name = "FILE.json")]
     pub output: Option<PathBuf>,
     /// Put this computer's name into the record

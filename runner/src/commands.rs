@@ -100,7 +100,7 @@ pub fn scenes(global: &Global, json: bool) -> anyhow::Result<()> {
             Source::File { file, triangles, .. } => match search.find(Path::new(file)) {
                 Some(path) => (*triangles, Some(path), "found"),
                 None => {
-                    missing += &format!("\n  {}: {}. {}", entry.name, file, descriptor.get);
+                    missing += &format!("\n  {file}: {}", descriptor.get);
                     (*triangles, None, "missing")
                 }
             },
@@ -125,8 +125,8 @@ pub fn scenes(global: &Global, json: bool) -> anyhow::Result<()> {
             entry.name.to_owned(),
             triangles.map_or_else(String::new, thousands),
             state.to_owned(),
-            shortened(licence, 20),
-            shortened(&descriptor.title, 58),
+            shortened(licence, 18),
+            shortened(&descriptor.title, 60),
         ]);
     }
     if json {
@@ -141,7 +141,7 @@ pub fn scenes(global: &Global, json: bool) -> anyhow::Result<()> {
              BROADLEAF_SCENES.{missing}"
         );
     }
-    print(&format!("{rows}{missing}"))
+    print(&(table::shown(&rows) + &missing))
 }
 
 /// At most `length` characters, the last of them an ellipsis where some had to go.
@@ -208,7 +208,7 @@ pub fn resources(global: &Global, tuning: &args::Tuning) -> anyhow::Result<()> {
             "the driver of {name} does not tell: it lacks VK_KHR_pipeline_executable_properties"
         ));
     }
-    print(&rows.to_string())
+    print(&table::shown(&rows))
 }
 
 /// A scene, its tree and a camera, as `render` and `rays` want them.

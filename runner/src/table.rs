@@ -37,7 +37,7 @@ pub fn summary(record: &Record) -> String {
     }
     align(&mut rates, &[0, 2]);
 
-    let mut text = rates.to_string();
+    let mut text = shown(&rates);
     let names: Vec<String> = record
         .results
         .first()
@@ -51,16 +51,23 @@ pub fn summary(record: &Record) -> String {
             build.add_row(phases(point, &names));
         }
         align(&mut build, &[0, 1]);
-        let _ = write!(text, "\n\nBuild by phase, ms\n{build}");
+        let _ = write!(text, "\n\nBuild by phase, ms\n{}", shown(&build));
     }
     let _ = write!(
         text,
-        "\n\npMRps, sMRps: million primary and secondary rays a second by the traversal kernel's time alone; mean over\n\
-         {} samples of each view. nodes, boxes, tris: inner nodes visited, boxes and triangles tested a ray, over\n\
+        "\n\npMRps, sMRps: million primary and secondary rays a second by the traversal kernel's time alone; mean of\n\
+         {} a view. nodes, boxes, tris: inner nodes visited, boxes and triangles tested a ray, over\n\
          all rays of a path. SAH: the tree's cost by the surface area heuristic. MiB: its nodes and triangles.\n\
          build ms: median, from triangles in device memory to nodes that can be traversed.\n\
          {} × {} pixels, at most {} rays a path, on {}.",
-        record.run.samples, record.run.width, record.run.height, record.run.depth, record.device.name
+        match record.run.samples {
+            1 => "one sample".to_owned(),
+            n => format!("{n} samples"),
+        },
+        record.run.width,
+        record.run.height,
+        record.run.depth,
+        record.device.name
     );
     text
 }
@@ -77,9 +84,14 @@ pub fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_preset("     ──            ").set_header(header);
     for column in table.column_iter_mut() {
-        column.set_padding((0, 2));
+        column.set_padding((0, 1));
     }
     table
+}
+
+/// The table without blanks at the ends of its lines.
+pub fn shown(table: &Table) -> String {
+    table.trim_fmt()
 }
 
 /// Numbers to the right, the columns `texts` to the left.
