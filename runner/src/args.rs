@@ -9,15 +9,56 @@ use std::{path::PathBuf, str::FromStr};
 /// `city:triangles=1000000,seed=3`, or a path to a GLB, glTF or OBJ file, for which eight views are placed
 /// automatically.
 ///
+/// What was asked for goes to stdout, remarks and progress go to stderr. An option that is given twice has its
+/// last value.
+///
 /// Exit status: 0 done, 1 failed, 2 usage, 130 interrupted (what was measured until then is kept).
 #[derive(Debug, Parser)]
-#[command(version, subcommand_required = true, arg_required_else_help = true)]
+#[command(
+    version,
+    subcommand_required = true,
+    arg_required_else_help = true,
+    args_override_self = true,
+    after_help = EXAMPLES
+)]
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
     #[command(flatten)]
     pub global: Global,
 }
+
+const EXAMPLES: &str = "\
+Examples:
+  runner devices
+  runner run cornell city -o out/record.json
+  runner run path/to/scene.glb --views 0,3 --samples 5
+  runner render city --view roofs --samples 256 -o out/city.png
+  runner render path/to/scene.glb --heatmap nodes -o out/cost.png";
+
+const RUN_EXAMPLES: &str = "\
+Examples:
+  runner run cornell sphereflake -o out/record.json
+  runner run sponza --scene-dir ~/scenes --views 0-3 --samples 30 -o out/sponza.json
+  runner run city:triangles=1000000,seed=3 --size 1280x720
+  runner run bistro_exterior --set collapse.c_t=3 --set ploc.radius=16";
+
+const RENDER_EXAMPLES: &str = "\
+Examples:
+  runner render forest --samples 256 -o out/forest.png
+  runner render city --view roofs --size 1920x1080 --exposure 0.5 -o out/city.png
+  runner render city --view roofs --heatmap triangles -o out/cost.png";
+
+const RAYS_EXAMPLES: &str = "\
+Examples:
+  runner rays city --depth 1 --size 320x180 -o out/city.rays --hits out/city.hits
+
+Files are little-endian: `RAYS`, u32 1, u64 count, then eight f32 a ray (origin, tmin, direction, tmax);
+`HITS`, u32 1, u64 count, then f32 t and u32 triangle a hit (infinity and 0xFFFFFFFF for a miss).";
+
+const TRACE_EXAMPLES: &str = "\
+Examples:
+  runner trace out/city.rays --scene city --launches 20 --hits out/again.hits";
 
 /// What every command understands.
 #[derive(Clone, Debug, Args)]
@@ -45,14 +86,22 @@ pub enum Command {
         json: bool,
     },
     /// List the scenes that are known by name, and where to get those that are missing
-    Scenes,
+    Scenes {
+        /// Print JSON, with licences and credits
+        #[arg(long)]
+        json: bool,
+    },
     /// Measure: build each scene's BVH, trace paths from its views, print a table, write a record
+    #[command(after_help = RUN_EXAMPLES)]
     Run(Run),
     /// Render a picture, or the cost of each pixel
+    #[command(after_help = RENDER_EXAMPLES)]
     Render(Render),
     /// Write the rays of one wavefront to a file, and what they hit
+    #[command(after_help = RAYS_EXAMPLES)]
     Rays(Rays),
     /// Trace rays from a file and time it
+    #[command(after_help = TRACE_EXAMPLES)]
     Trace(Trace),
     /// Show what each traversal kernel takes: registers, shared and local memory, as the driver tells it
     Resources {
@@ -61,6 +110,16 @@ pub enum Command {
     },
     /// Print the JSON Schema of the record
     Schema,
+    /// Print completions for a shell, such as `source <(runner completions bash)`
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Print a manual page, such as `runner man run | man -l -`
+    Man {
+        /// The command that it is about; runner as a whole when left out
+        command: Option<String>,
+    },
 }
 
 /// What `run` measures.
@@ -96,7 +155,7 @@ pub struct Run {
     pub seed: u32,
     #[command(flatten)]
     pub tuning: Tuning,
-    /// Where the record goes; it is written anew after each scene
+    /// Where the record goes; it is written anew after each view
     #[arg(short, long, value_name = "FILE.json")]
     pub output: Option<PathBuf>,
     /// Put this computer's name into the record
@@ -264,6 +323,30 @@ mod tests {
     fn the_definition_is_sound() {
         use clap::CommandFactory;
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn the_last_value_counts_and_lists_grow() {
+        let cli = Cli::parse_from(
+            "runner run a --size 2x2 --samples 1 --variant x --set a=1 --size 4x3 --samples 5 --set b=2 -q --variant y"
+                .split(' '),
+        );
+        let Command::Run(run) = cli.command else { panic!("another command") };
+        assert_eq!((run.size, run.samples), (Some(Size { width: 4, height: 3 }), Some(5)));
+        assert_eq!((run.variant.len(), run.tuning.set.len()), (2, 2));
+    }
+
+    #[test]
+    fn every_option_is_explained() {
+        use clap::CommandFactory;
+        let mut cli = Cli::command();
+        cli.build();
+        for command in cli.get_subcommands().chain([&cli]).filter(|c| c.get_name() != "help") {
+            assert!(command.get_about().is_some(), "{}", command.get_name());
+            for arg in command.get_arguments() {
+                assert!(arg.get_help().is_some(), "{} {}", command.get_name(), arg.get_id());
+            }
+        }
     }
 
     #[test]

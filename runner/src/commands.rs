@@ -7,20 +7,21 @@ use crate::{
     progress::{bar, remark},
     rayfile,
     session::{Loaded, Planted, Session},
-    table::{table, thousands},
+    table::{self, table, thousands},
     variant::Variant,
 };
 use anyhow::Context;
+use clap::CommandFactory;
 use std::{io::Write, path::Path};
 use tracer::{
-    gpu::Pass,
+    gpu::{DeviceInfo, Pass},
     path::{self, Camera, PathTracer},
     scene::{SearchPath, Source, built_in},
     traverse::{Buffers, Counts, Hit, Queue, Ray, Traversal, Wave, cpu},
 };
 
 /// Prints to stdout; a reader that has gone away is no error.
-fn print(text: &str) -> anyhow::Result<()> {
+pub fn print(text: &str) -> anyhow::Result<()> {
     match writeln!(std::io::stdout(), "{text}") {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(error).context("cannot write to stdout")
@@ -35,65 +36,144 @@ pub fn devices(json: bool) -> anyhow::Result<()> {
     if json {
         return print(&serde_json::to_string_pretty(&all)?);
     }
-    let mut rows = table(&[
-        "device",
-        "kind",
-        "driver",
-        "Vulkan",
-        "subgroup",
-        "shared KiB",
-        "memory GiB",
-        "tick ns",
-        "optional features",
-        "UUID",
-    ]);
-    for info in &all {
-        rows.add_row([
-            format!("{}: {}", info.index, info.name),
-            format!("{:?}", info.kind).to_lowercase(),
-            format!("{} {}", info.driver_name, info.driver_info),
-            info.api_version.clone(),
-            info.subgroup_size.to_string(),
-            (info.shared_memory_bytes >> 10).to_string(),
-            format!("{:.1}", info.memory_bytes as f64 / f64::from(1 << 30)),
-            info.timestamp_period_ns.to_string(),
-            info.optional.join(", "),
-            info.uuid.clone(),
-        ]);
+    let best = all.iter().filter(|i| i.missing.is_empty()).min_by_key(|i| (i.kind, i.index)).map(|i| i.index);
+    let texts: Vec<_> = all.iter().map(|info| described(info, best == Some(info.index))).collect();
+    print(&texts.join("\n\n"))
+}
+
+/// A device in a few lines.
+fn described(info: &DeviceInfo, best: bool) -> String {
+    let gib = |bytes: u64| format!("{:.1} GiB", bytes as f64 / f64::from(1 << 30));
+    let [least, most] = info.subgroup_size_range;
+    let range = if least < most { format!(" ({least} to {most})") } else { String::new() };
+    let timestamps = match info.timestamp_bits {
+        0 => "none".to_owned(),
+        bits => format!("a tick of {} ns, {bits} bits", info.timestamp_period_ns),
+    };
+    let mut lines = vec![
+        ("kind", format!("{:?}", info.kind).to_lowercase()),
+        ("driver", format!("{} {}, Vulkan {}", info.driver_name, info.driver_info, info.api_version)),
+        ("subgroup", format!("{}{range} invocations", info.subgroup_size)),
+        (
+            "workgroup",
+            format!(
+                "at most {} invocations, {} KiB of shared memory",
+                info.max_workgroup_size,
+                info.shared_memory_bytes >> 10
+            ),
+        ),
+        (
+            "memory",
+            format!("{}, at most {} in one piece", gib(info.memory_bytes), gib(info.max_allocation_bytes)),
+        ),
+        ("timestamps", timestamps),
+        ("UUID", info.uuid.clone()),
+    ];
+    if info.multiprocessors > 0 {
+        lines.insert(3, ("processors", info.multiprocessors.to_string()));
     }
-    let mut text = rows.to_string();
-    for info in all.iter().filter(|i| !i.missing.is_empty()) {
-        text += &format!("\n{} cannot be used: it lacks {}", info.name, info.missing.join(", "));
+    let listed = |features: &[String]| if features.is_empty() { "none".into() } else { features.join(", ") };
+    lines.push(("optional", listed(&info.optional)));
+    if !info.missing.is_empty() {
+        lines.push(("lacks", format!("{}, so it cannot be used", listed(&info.missing))));
     }
-    print(&text)
+    let mut text = format!("{}: {}", info.index, info.name);
+    if best {
+        text += "  (taken unless --device names another)";
+    }
+    for (name, value) in lines {
+        text += &format!("\n   {name:<11}{value}");
+    }
+    text
 }
 
 /// `runner scenes`.
-pub fn scenes(global: &Global) -> anyhow::Result<()> {
+pub fn scenes(global: &Global, json: bool) -> anyhow::Result<()> {
     let search = SearchPath::new(global.scene_dir.iter().cloned());
-    let mut rows = table(&["scene", "title", "source", "licence", "state"]);
+    let mut rows = table(&["scene", "triangles", "state", "licence", "title"]);
     let mut missing = String::new();
+    let mut all = Vec::new();
     for entry in built_in() {
         let descriptor = entry.descriptor()?;
-        let (source, state) = match &descriptor.source {
-            Source::Generator { generator, .. } => (format!("generator {generator}"), "ready"),
-            Source::File { file, .. } if search.find(Path::new(file)).is_some() => (file.clone(), "found"),
-            Source::File { file, .. } => {
-                missing += &format!("\n{}: {}", entry.name, descriptor.get);
-                (file.clone(), "missing")
-            }
+        let (triangles, found, state) = match &descriptor.source {
+            Source::Generator { triangles, .. } => (Some(*triangles), None, "generated"),
+            Source::File { file, triangles, .. } => match search.find(Path::new(file)) {
+                Some(path) => (*triangles, Some(path), "found"),
+                None => {
+                    missing += &format!("\n  {file}: {}", descriptor.get);
+                    (*triangles, None, "missing")
+                }
+            },
         };
-        rows.add_row([entry.name, &descriptor.title, &source, &descriptor.licence, state]);
+        if json {
+            all.push(serde_json::json!({
+                "name": entry.name,
+                "title": descriptor.title,
+                "licence": descriptor.licence,
+                "credit": descriptor.credit,
+                "get": descriptor.get,
+                "source": descriptor.source,
+                "state": state,
+                "path": found,
+            }));
+            continue;
+        }
+        // The licence's name; its terms stand in the descriptor.
+        let licence = descriptor.licence.split([',', ':', ';', '(']).next().unwrap_or_default().trim();
+        let licence = licence.trim_end_matches(" terms").trim_end_matches(" at the source");
+        rows.add_row([
+            entry.name.to_owned(),
+            triangles.map_or_else(String::new, thousands),
+            state.to_owned(),
+            shortened(licence, 18),
+            shortened(&descriptor.title, 60),
+        ]);
     }
+    if json {
+        return print(&serde_json::to_string_pretty(&all)?);
+    }
+    table::align(&mut rows, &[0, 2, 3, 4]);
     if !missing.is_empty() {
         let folders: Vec<_> = search.folders().iter().map(|f| f.display().to_string()).collect();
+        let looked = if folders.is_empty() { "no folder".to_owned() } else { folders.join(", ") };
         missing = format!(
-            "\n\nLooked in {}. Put missing files there, or name their folder with --scene-dir or \
-             BROADLEAF_SCENES:{missing}",
-            folders.join(", ")
+            "\n\nMissing; looked in {looked}.\nPut the files there, or name their folder with --scene-dir or \
+             BROADLEAF_SCENES.{missing}"
         );
     }
-    print(&format!("{rows}{missing}"))
+    print(&(table::shown(&rows) + &missing))
+}
+
+/// At most `length` characters, the last of them an ellipsis where some had to go.
+fn shortened(text: &str, length: usize) -> String {
+    if text.chars().count() <= length {
+        return text.to_owned();
+    }
+    let kept: String = text.chars().take(length - 1).collect();
+    format!("{}…", kept.trim_end())
+}
+
+/// `runner completions`.
+pub fn completions(shell: clap_complete::Shell) -> anyhow::Result<()> {
+    let mut text = Vec::new();
+    clap_complete::generate(shell, &mut args::Cli::command(), "runner", &mut text);
+    print(String::from_utf8(text)?.trim_end())
+}
+
+/// `runner man`.
+pub fn man(command: Option<&str>) -> anyhow::Result<()> {
+    let mut cli = args::Cli::command();
+    cli.build();
+    let page = match command {
+        None => cli,
+        Some(name) => cli
+            .find_subcommand(name)
+            .cloned()
+            .with_context(|| format!("no command {name:?}; `runner --help` lists them"))?,
+    };
+    let mut text = Vec::new();
+    clap_mangen::Man::new(page).render(&mut text)?;
+    print(String::from_utf8(text)?.trim_end())
 }
 
 /// `runner schema`.
@@ -128,7 +208,7 @@ pub fn resources(global: &Global, tuning: &args::Tuning) -> anyhow::Result<()> {
             "the driver of {name} does not tell: it lacks VK_KHR_pipeline_executable_properties"
         ));
     }
-    print(&rows.to_string())
+    print(&table::shown(&rows))
 }
 
 /// A scene, its tree and a camera, as `render` and `rays` want them.

@@ -21,13 +21,15 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let result = match &cli.command {
         Command::Devices { json } => commands::devices(*json),
-        Command::Scenes => commands::scenes(&cli.global),
+        Command::Scenes { json } => commands::scenes(&cli.global, *json),
         Command::Run(run) => run::run(&cli.global, run),
         Command::Render(render) => commands::render(&cli.global, render),
         Command::Rays(rays) => commands::rays(&cli.global, rays),
         Command::Trace(trace) => commands::trace(&cli.global, trace),
         Command::Resources { tuning } => commands::resources(&cli.global, tuning),
         Command::Schema => commands::schema(),
+        Command::Completions { shell } => commands::completions(*shell),
+        Command::Man { command } => commands::man(command.as_deref()),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -14,7 +14,7 @@ pub fn remark(quiet: bool, text: fmt::Arguments<'_>) {
 pub fn bar(length: u64, quiet: bool) -> ProgressBar {
     let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(length), target);
-    let style = ProgressStyle::with_template("{bar:30} {percent:>3}% {eta:>4} left  {msg}");
+    let style = ProgressStyle::with_template("{bar:24} {percent:>3}% {eta:>4} left  {wide_msg}");
     bar.set_style(style.expect("the template is sound"));
     bar.enable_steady_tick(Duration::from_millis(500));
     bar

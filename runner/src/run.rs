@@ -2,6 +2,7 @@
 
 use crate::{
     args::{self, Global, Size},
+    commands::print,
     host,
     params::Params,
     progress::{bar, remark},
@@ -76,8 +77,9 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     let bar = bar(0, session.quiet);
     let mut writer = Writer { record, output: run.output.as_deref() };
     writer.write()?;
+    let mut points_left = (run.scenes.len() * variants.len()) as u64;
     for spec in &run.scenes {
-        bar.set_message(format!("loading {spec}"));
+        bar.set_message(format!("{spec}: loading"));
         let loaded = session.load(spec)?;
         let views = match &run.views {
             Some(list) => {
@@ -87,8 +89,10 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
             None => (0..loaded.scene.views.len()).collect(),
         };
         for &variant in &variants {
+            // The time left is an estimate: the scenes to come are taken to have as many views as this one.
             let steps = views.len() as u64 * u64::from(plan.warm_up + plan.samples + 1);
-            bar.inc_length(steps);
+            bar.set_length(bar.position() + points_left * steps);
+            points_left -= 1;
             let mut measuring = Measuring {
                 session: &session,
                 telemetry: &telemetry,
@@ -111,7 +115,7 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
         writer.record.finished = Some(record::Timestamp::now());
         writer.write()?;
     }
-    println!("{}", table::summary(&writer.record));
+    print(&table::summary(&writer.record))?;
     if let Some(output) = &run.output {
         remark(session.quiet, format_args!("record: {}", output.display()));
     }
@@ -187,7 +191,15 @@ impl Measuring<'_> {
         let size = (plan.size.width, plan.size.height);
         let tracer = PathTracer::new(&self.session.gpu, &self.loaded.device, size, &plan.path, true)?;
         tracer.clear()?;
-        for &view in views {
+        for (done, &view) in views.iter().enumerate() {
+            self.bar.set_message(format!(
+                "{}, {}, view {} of {}: {}",
+                scene.name,
+                self.variant,
+                done + 1,
+                views.len(),
+                scene.views[view].name
+            ));
             let measured = self.view(&scene.views[view], &tracer, &timed, &counting, &planted)?;
             let point = writer.record.results.last_mut().expect("pushed above");
             if let Some(measured) = measured {
@@ -214,7 +226,6 @@ impl Measuring<'_> {
         planted: &Planted,
     ) -> anyhow::Result<Option<record::View>> {
         let plan = self.plan;
-        self.bar.set_message(format!("{}, {}, {}", self.loaded.scene.name, self.variant, view.name));
         let camera = Camera::new(view, plan.size.width, plan.size.height);
         let started = Instant::now();
         let mut warmed = 0;

@@ -1,6 +1,6 @@
 //! The record as a table on the terminal.
 
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::{CellAlignment, Table};
 use record::{Point, Record};
 use std::fmt::Write;
 
@@ -13,11 +13,11 @@ pub fn summary(record: &Record) -> String {
         "build ms",
         "pMRps",
         "sMRps",
-        "nodes/ray",
-        "boxes/ray",
-        "tris/ray",
-        "SAH cost",
-        "tree MiB",
+        "nodes",
+        "boxes",
+        "tris",
+        "SAH",
+        "MiB",
     ]);
     for point in &record.results {
         let cost = point.counters().and_then(|c| c.all().per_ray());
@@ -37,7 +37,7 @@ pub fn summary(record: &Record) -> String {
     }
     align(&mut rates, &[0, 2]);
 
-    let mut text = rates.to_string();
+    let mut text = shown(&rates);
     let names: Vec<String> = record
         .results
         .first()
@@ -51,15 +51,23 @@ pub fn summary(record: &Record) -> String {
             build.add_row(phases(point, &names));
         }
         align(&mut build, &[0, 1]);
-        let _ = write!(text, "\n\nBuild by phase, ms\n{build}");
+        let _ = write!(text, "\n\nBuild by phase, ms\n{}", shown(&build));
     }
     let _ = write!(
         text,
-        "\n\npMRps, sMRps: million rays a second of the traversal kernel alone, primary and secondary rays, \
-         mean over {} samples and the views.\nCosts a ray: inner nodes visited, boxes and triangles tested, \
-         over all rays of a path. Build: median, from triangles in device memory to nodes.\n{} × {} pixels, \
-         at most {} rays a path, on {}.",
-        record.run.samples, record.run.width, record.run.height, record.run.depth, record.device.name
+        "\n\npMRps, sMRps: million primary and secondary rays a second by the traversal kernel's time alone; mean of\n\
+         {} a view. nodes, boxes, tris: inner nodes visited, boxes and triangles tested a ray, over\n\
+         all rays of a path. SAH: the tree's cost by the surface area heuristic. MiB: its nodes and triangles.\n\
+         build ms: median, from triangles in device memory to nodes that can be traversed.\n\
+         {} × {} pixels, at most {} rays a path, on {}.",
+        match record.run.samples {
+            1 => "one sample".to_owned(),
+            n => format!("{n} samples"),
+        },
+        record.run.width,
+        record.run.height,
+        record.run.depth,
+        record.device.name
     );
     text
 }
@@ -71,15 +79,23 @@ fn phases(point: &Point, names: &[String]) -> Vec<String> {
     row
 }
 
-/// A table without lines between rows, as all of ours are.
+/// A table whose only line is below the header, as all of ours are.
 pub fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
-    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
+    table.load_preset("     ──            ").set_header(header);
+    for column in table.column_iter_mut() {
+        column.set_padding((0, 1));
+    }
     table
 }
 
+/// The table without blanks at the ends of its lines.
+pub fn shown(table: &Table) -> String {
+    table.trim_fmt()
+}
+
 /// Numbers to the right, the columns `texts` to the left.
-fn align(table: &mut Table, texts: &[usize]) {
+pub fn align(table: &mut Table, texts: &[usize]) {
     for (i, column) in table.column_iter_mut().enumerate() {
         if !texts.contains(&i) {
             column.set_cell_alignment(CellAlignment::Right);
@@ -134,5 +150,9 @@ mod tests {
             assert!(text.contains(&point.scene.name) && text.contains(&point.variant), "{text}");
         }
         assert!(text.contains("pMRps"));
+        for line in text.lines() {
+            assert!(line.chars().count() <= 120, "{line}");
+            assert!(!line.ends_with("──") || line.starts_with('─'), "{line}");
+        }
     }
 }

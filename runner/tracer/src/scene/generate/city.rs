@@ -1,5 +1,6 @@
 //! Streets and buildings: large walls beside very many small parts. 160 metres square, y up, the middle
-//! of the central crossing at the origin. Streets run along x and z at every multiple of 40 metres.
+//! of the central crossing at the origin. Streets run along x and z at every multiple of 40 metres, and
+//! houses are taller towards the middle.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -16,6 +17,13 @@ const WINDOW: [u64; 6] = [0, 2, 12, 52, 132, 372];
 const CAR: u64 = 10 + 10 + 4 * 12;
 const LAMP: u64 = 2 * 6 + 10 + 10;
 const BUILDING: u64 = 10;
+/// Roof, parapet, stair house, two chimneys, and four awnings over the shops.
+const TRIMMINGS: u64 = 2 + 4 * 10 + 10 + 2 * 10 + 4 * 10;
+const TREE: u64 = (2 * TREE_SIDES * TREE_RINGS + TREE_SIDES - 2) as u64;
+const TREE_SIDES: u32 = 6;
+/// Rings of triangle pairs, from the foot of the trunk to the top of the crown.
+const TREE_RINGS: u32 = 4;
+const DASHES_PER_BLOCK: u32 = 6;
 
 const ASPHALT: u32 = 0;
 const PAVEMENT: u32 = 1;
@@ -23,8 +31,13 @@ const GLASS: u32 = 2;
 const FRAME: u32 = 3;
 const STONE: u32 = 4;
 const METAL: u32 = 5;
-const CARS: [u32; 3] = [6, 7, 8];
-const WALLS: [u32; 5] = [9, 10, 11, 12, 13];
+const CARS: [u32; 4] = [6, 7, 8, 9];
+const CURTAIN: u32 = 10;
+const ROOF: u32 = 11;
+const LEAVES: u32 = 12;
+const PAINT: u32 = 13;
+const AWNINGS: [u32; 3] = [14, 15, 16];
+const WALLS: [u32; 8] = [17, 18, 19, 20, 21, 22, 23, 24];
 
 /// A building: its low corner, its size, and the colour of its walls.
 struct Building {
@@ -52,11 +65,22 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
         material("red car", [0.6, 0.06, 0.05]),
         material("blue car", [0.08, 0.16, 0.45]),
         material("white car", [0.75, 0.75, 0.75]),
-        material("brick", [0.45, 0.2, 0.13]),
-        material("ochre", [0.65, 0.48, 0.24]),
-        material("plaster", [0.72, 0.68, 0.6]),
-        material("rose", [0.62, 0.4, 0.36]),
-        material("slate", [0.33, 0.38, 0.44]),
+        material("yellow car", [0.75, 0.52, 0.06]),
+        material("curtain", [0.5, 0.47, 0.4]),
+        material("roof", [0.2, 0.18, 0.18]),
+        material("leaves", [0.13, 0.3, 0.06]),
+        material("paint", [0.75, 0.75, 0.72]),
+        material("red awning", [0.6, 0.07, 0.06]),
+        material("green awning", [0.05, 0.3, 0.14]),
+        material("blue awning", [0.08, 0.2, 0.5]),
+        material("brick", [0.46, 0.17, 0.1]),
+        material("ochre", [0.68, 0.46, 0.16]),
+        material("plaster", [0.76, 0.72, 0.62]),
+        material("rose", [0.64, 0.36, 0.31]),
+        material("slate", [0.26, 0.33, 0.42]),
+        material("sage", [0.4, 0.48, 0.32]),
+        material("terracotta", [0.62, 0.28, 0.14]),
+        material("sand", [0.62, 0.53, 0.39]),
     ];
     let random = Random::new(seed);
     let per_side = if triangles < 6_000 { 2 } else { 3 };
@@ -68,6 +92,18 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
     let mut left = triangles.saturating_sub(fixed);
     let cars = (left / 20 / CAR).min(400);
     let lamps = (left / 20 / LAMP).min(320);
+    let trees = (left / 24 / TREE).min(256);
+    let dashes = 2 * u64::from(DASHES_PER_BLOCK) * (BLOCKS * (BLOCKS - 1)) as u64;
+    let dashes = if left / 40 > 2 * dashes { dashes } else { 0 };
+    let trimmings = TRIMMINGS * buildings.len() as u64;
+    let trimmings = if left / 5 > trimmings { trimmings } else { 0 };
+    if dashes > 0 {
+        paint_lines(&mut streets);
+    }
+    let mut gardener = random.fork(2);
+    for i in 0..trees {
+        tree(&mut streets, &mut gardener, i, trees);
+    }
     let mut furniture = random.fork(1);
     for i in 0..cars {
         park(&mut streets, &mut furniture, i);
@@ -75,7 +111,7 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
     for i in 0..lamps {
         lamp(&mut streets, i, lamps);
     }
-    left -= cars * CAR + lamps * LAMP;
+    left -= cars * CAR + lamps * LAMP + trees * TREE + 2 * dashes + trimmings;
 
     // Each window gets one of two neighbouring levels of detail, so that the mean meets the budget.
     let windows: u64 = buildings.iter().map(Building::windows).sum();
@@ -90,6 +126,9 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
     parts.par_extend(buildings.par_iter().enumerate().map(|(i, building)| {
         let mut mesh = Mesh::default();
         raise(&mut mesh, building, random.fork(1000 + i as u64), level, share.min(1.0), bricks);
+        if trimmings > 0 {
+            trim(&mut mesh, building, random.fork(5000 + i as u64));
+        }
         mesh
     }));
     let mut geometry = assemble(parts, materials);
@@ -131,6 +170,8 @@ fn buildings(random: &Random, per_side: i32) -> Vec<Building> {
     let lot = inner / per_side as f32;
     let mut all = Vec::new();
     for (block, (x, z)) in block_corners().enumerate() {
+        let inner_block = [x, z].iter().all(|c| (c + (PITCH - STREET) / 2.0).abs() < PITCH);
+        let tallest = random.fork(5 + 100 * block as u64).below((per_side * per_side) as u32) as i32;
         for i in 0..per_side * per_side {
             let mut random = random.fork(10 + 100 * block as u64 + i as u64);
             // The middle of a large block is a yard.
@@ -139,7 +180,13 @@ fn buildings(random: &Random, per_side: i32) -> Vec<Building> {
             }
             let gap = random.range(0.0, 0.06) * lot;
             let width = lot - gap;
-            let floors = 3 + random.below(6);
+            // One house in each block stands out, and in the middle of the city it is a tower.
+            let floors = match (i == tallest, inner_block) {
+                (true, true) => 12 + random.below(3),
+                (true, false) => 7 + random.below(3),
+                (false, true) => 4 + random.below(5),
+                (false, false) => 2 + random.below(4),
+            };
             let size = Vec3::new(width, floors as f32 * 3.2 + 1.0, width);
             let corner =
                 Vec3::new(x + 2.0 + (i % per_side) as f32 * lot, 0.15, z + 2.0 + (i / per_side) as f32 * lot);
@@ -177,7 +224,7 @@ fn park(mesh: &mut Mesh, random: &mut Random, index: u64) {
     };
     let (ahead, across) =
         (place(1.0, 0.0, 0.0) - place(0.0, 0.0, 0.0), place(0.0, 1.0, 0.0) - place(0.0, 0.0, 0.0));
-    let colour = CARS[random.below(3) as usize];
+    let colour = CARS[random.below(4) as usize];
     let mut part = |from: [f32; 3], size: [f32; 3], bottom: bool, material: u32| {
         let origin = place(from[0], from[1], from[2]);
         // across × up = ahead, whichever way the car stands.
@@ -192,20 +239,7 @@ fn park(mesh: &mut Mesh, random: &mut Random, index: u64) {
 
 /// A lamp post on the edge of a pavement.
 fn lamp(mesh: &mut Mesh, index: u64, lamps: u64) {
-    let corners: Vec<(f32, f32)> = block_corners().collect();
-    let block = corners[(index % corners.len() as u64) as usize];
-    let per_block = lamps.div_ceil(corners.len() as u64);
-    let place = (index / corners.len() as u64) as f32 / per_block as f32;
-    let inner = PITCH - STREET - 1.2;
-    let edge = (place * 4.0) as u32;
-    let along = 0.6 + inner * (place * 4.0).fract();
-    let (x, z) = match edge {
-        0 => (along, 0.6),
-        1 => (0.6 + inner, along),
-        2 => (0.6 + inner - along, 0.6 + inner),
-        _ => (0.6, 0.6 + inner - along),
-    };
-    let foot = Vec3::new(block.0 + x, 0.15, block.1 + z);
+    let foot = kerb(index, lamps, 0.6, 0.0);
     let rings: Vec<Vec<Vec3>> =
         [0.0, 4.5].map(|y| ring(foot + Vec3::Y * y, 0.08 * Vec3::X, -0.08 * Vec3::Z, 6)).into();
     mesh.tube(&rings, METAL);
@@ -214,6 +248,112 @@ fn lamp(mesh: &mut Mesh, index: u64, lamps: u64) {
     mesh.cuboid(foot + corner + Vec3::Y * 4.5, x, 0.5 * Vec3::Y, z, false, FRAME);
     let (corner, x, z) = plate(0.6);
     mesh.cuboid(foot + corner + Vec3::Y * 5.0, x, 0.12 * Vec3::Y, z, false, METAL);
+}
+
+/// Dashed lines in the middle of the streets between blocks, clear of crossings.
+fn paint_lines(mesh: &mut Mesh) {
+    let free = PITCH - STREET;
+    for street in 1..BLOCKS {
+        let across = (street - BLOCKS / 2) as f32 * PITCH;
+        for dash in 0..BLOCKS as u32 * DASHES_PER_BLOCK {
+            let block = (dash / DASHES_PER_BLOCK) as i32 - BLOCKS / 2;
+            let within = ((dash % DASHES_PER_BLOCK) as f32 + 0.25) / DASHES_PER_BLOCK as f32;
+            let along = block as f32 * PITCH + STREET / 2.0 + within * free;
+            let (long, wide) = (0.5 * free / DASHES_PER_BLOCK as f32, 0.18);
+            let flat = |a: f32, b: f32| Vec3::new(a, 0.01, b);
+            let (a, b) = (across - wide / 2.0, across + wide / 2.0);
+            mesh.quad([flat(along, a), flat(along, b), flat(along + long, b), flat(along + long, a)], PAINT);
+            mesh.quad([flat(a, along), flat(a, along + long), flat(b, along + long), flat(b, along)], PAINT);
+        }
+    }
+}
+
+/// Where the `index`th of `count` things stands that are spread along the edges of all pavements, `inset`
+/// metres from the kerb.
+fn kerb(index: u64, count: u64, inset: f32, shift: f32) -> Vec3 {
+    let blocks = (BLOCKS * BLOCKS) as u64;
+    let block = block_corners().nth((index % blocks) as usize).unwrap_or_default();
+    let place = ((index / blocks) as f32 + shift) / count.div_ceil(blocks) as f32 * 4.0;
+    let inner = PITCH - STREET - 2.0 * inset;
+    let along = inset + inner * place.fract();
+    let (x, z) = match place as u32 {
+        0 => (along, inset),
+        1 => (inset + inner, along),
+        2 => (2.0 * inset + inner - along, inset + inner),
+        _ => (inset, 2.0 * inset + inner - along),
+    };
+    Vec3::new(block.0 + x, 0.15, block.1 + z)
+}
+
+/// A tree on the pavement: its lowest rings are the trunk, the rest is a ragged crown.
+fn tree(mesh: &mut Mesh, random: &mut Random, index: u64, count: u64) {
+    let foot = kerb(index, count, 1.1, 0.5);
+    let tall = random.range(4.5, 7.5);
+    let wide = tall * random.range(0.17, 0.24);
+    let sides = TREE_SIDES;
+    // Height, radius: a trunk, then the crown.
+    let profile: [(f32, f32); TREE_RINGS as usize + 1] =
+        [(0.0, 0.05), (0.34, 0.04), (0.42, 0.8), (0.68, 1.0), (0.9, 0.55)];
+    let rings: Vec<Vec<Vec3>> = profile
+        .iter()
+        .enumerate()
+        .map(|(k, &(up, r))| {
+            let centre = foot + Vec3::Y * (up * tall);
+            let mut points = ring(centre, r * wide * Vec3::X, -r * wide * Vec3::Z, sides);
+            if k >= 2 {
+                for point in &mut points {
+                    *point = centre
+                        + (*point - centre) * random.range(0.75, 1.2)
+                        + Vec3::Y * (tall * random.range(-0.05, 0.05));
+                }
+            }
+            points
+        })
+        .collect();
+    mesh.tube(&rings[..2], ROOF);
+    mesh.tube(&rings[1..], LEAVES);
+    let top = &rings[TREE_RINGS as usize];
+    for i in 1..sides as usize - 1 {
+        mesh.triangle(top[0], top[i], top[i + 1], LEAVES);
+    }
+}
+
+/// What makes a block a house: a roof behind a parapet, a stair house, chimneys, and awnings.
+fn trim(mesh: &mut Mesh, b: &Building, mut random: Random) {
+    let top = b.corner + b.size.y * Vec3::Y;
+    let (w, d) = (b.size.x, b.size.z);
+    let flat = |x: f32, z: f32| top + Vec3::new(x, 0.02, z);
+    mesh.quad([flat(0.0, 0.0), flat(0.0, d), flat(w, d), flat(w, 0.0)], ROOF);
+    let (thick, high) = (0.25, random.range(0.4, 1.0));
+    let mut block = |x: f32, y: f32, z: f32, size: [f32; 3], material: u32| {
+        let origin = top + Vec3::new(x, y, z);
+        mesh.cuboid(origin, size[0] * Vec3::X, size[1] * Vec3::Y, size[2] * Vec3::Z, false, material);
+    };
+    let coping = if random.below(2) == 0 { STONE } else { b.wall };
+    block(0.0, 0.0, 0.0, [w, high, thick], coping);
+    block(0.0, 0.0, d - thick, [w, high, thick], coping);
+    block(0.0, 0.0, thick, [thick, high, d - 2.0 * thick], coping);
+    block(w - thick, 0.0, thick, [thick, high, d - 2.0 * thick], coping);
+    let (x, z) = (random.range(0.15, 0.5) * w, random.range(0.15, 0.5) * d);
+    block(x, 0.0, z, [0.32 * w, random.range(2.0, 3.2), 0.3 * d], b.wall);
+    for _ in 0..2 {
+        let (x, z) = (random.range(0.1, 0.85) * w, random.range(0.1, 0.85) * d);
+        block(x, 0.0, z, [0.6, random.range(1.2, 2.6), 0.6], WALLS[0]);
+    }
+    // Awnings slope down over the ground floor's windows.
+    let colour = AWNINGS[random.below(3) as usize];
+    let (x, z) = (w * Vec3::X, d * Vec3::Z);
+    for (low, right, width) in [
+        (b.corner + z, Vec3::X, w),
+        (b.corner + x + z, -Vec3::Z, d),
+        (b.corner + x, -Vec3::X, w),
+        (b.corner, Vec3::Z, d),
+    ] {
+        let out = right.cross(Vec3::Y);
+        let slope = out * 1.1 - Vec3::Y * 0.45;
+        let origin = low + right * (0.06 * width) + Vec3::Y * 3.25 - Vec3::Y * 0.06;
+        mesh.cuboid(origin, right * (0.88 * width), Vec3::Y * 0.06, slope, false, colour);
+    }
 }
 
 fn raise(mesh: &mut Mesh, b: &Building, mut random: Random, level: usize, share: f32, bricks: u32) {
@@ -235,7 +375,8 @@ fn raise(mesh: &mut Mesh, b: &Building, mut random: Random, level: usize, share:
                 let corner = low
                     + right * ((column as f32 + 0.5) * pitch - 0.55)
                     + Vec3::Y * (floor as f32 * 3.2 + 1.0);
-                window(mesh, corner, right, out, level + finer);
+                let pane = if random.below(4) == 0 { CURTAIN } else { GLASS };
+                window(mesh, corner, right, out, level + finer, pane);
                 for brick in 0..bricks {
                     lay_brick(mesh, corner, right, out, pitch - 1.2, brick, bricks);
                 }
@@ -245,7 +386,7 @@ fn raise(mesh: &mut Mesh, b: &Building, mut random: Random, level: usize, share:
 }
 
 /// A window of 1.1 by 1.6 metres whose pane lies just before the wall.
-fn window(mesh: &mut Mesh, corner: Vec3, right: Vec3, out: Vec3, level: usize) {
+fn window(mesh: &mut Mesh, corner: Vec3, right: Vec3, out: Vec3, level: usize, pane: u32) {
     let (width, height) = (1.1, 1.6);
     let mut bar = |from: [f32; 2], size: [f32; 2], depth: f32, material: u32| {
         let origin = corner + right * from[0] + Vec3::Y * from[1];
@@ -289,7 +430,7 @@ fn window(mesh: &mut Mesh, corner: Vec3, right: Vec3, out: Vec3, level: usize) {
     if level >= 1 {
         let low = corner + out * 0.02;
         let (u, v) = (right * width, Vec3::Y * height);
-        mesh.quad([low, low + u, low + u + v, low + v], GLASS);
+        mesh.quad([low, low + u, low + u + v, low + v], pane);
     }
 }
 

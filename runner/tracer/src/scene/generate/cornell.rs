@@ -60,7 +60,7 @@ fn surfaces(seed: u64) -> Vec<Surface> {
         (corner + z, y, x, 0),
         (corner, y, z, 1),
         (corner + x, z, y, 2),
-        (Vec3::new(-0.45, 1.985, -0.45), 0.9 * Vec3::X, 0.9 * Vec3::Z, 5),
+        (Vec3::new(-0.65, 1.985, -0.65), 1.3 * Vec3::X, 1.3 * Vec3::Z, 5),
     ];
     let mut random = Random::new(seed);
     let mut block = |centre: Vec3, width: f32, height: f32, angle: f32, material: u32| {

@@ -1,5 +1,5 @@
 //! A ball with nine balls a third its size on it, each with nine on it, and so on, over a floor.
-//! The large ball has radius 1 and stands at the origin.
+//! The large ball has radius 1 and stands at the origin. Large balls are cut finer than small ones.
 
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
@@ -9,10 +9,11 @@ use crate::scene::Geometry;
 use crate::scene::random::Random;
 
 const CHILDREN: u64 = 9;
-/// Fewest triangles of a ball before another level of balls is added.
-const FEWEST: u64 = 90;
+/// Fewest triangles that the smallest balls may have when another level of balls is added.
+const FEWEST: f64 = 30.0;
 const MAX_LEVEL: u32 = 6;
 const FLOOR_CELLS: u32 = 8;
+const FLOOR_HALF: f32 = 12.0;
 
 struct Ball {
     centre: Vec3,
@@ -35,9 +36,11 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
     ];
 
     let budget = triangles.saturating_sub(2 * u64::from(FLOOR_CELLS * FLOOR_CELLS)).max(1);
-    let total = |level: u32| (CHILDREN.pow(level + 1) - 1) / (CHILDREN - 1);
-    let level = (0..=MAX_LEVEL).rev().find(|&level| total(level) * FEWEST <= budget).unwrap_or(0);
-    let (slices, stacks) = division(budget / total(level));
+    let level = (0..=MAX_LEVEL)
+        .rev()
+        .find(|&level| budget as f64 * share(level) / total_share(level) >= FEWEST)
+        .unwrap_or(0);
+    let divisions = divisions(budget, level);
     for (i, colour) in colours.iter().enumerate().take(level as usize + 1) {
         materials.push(material(&format!("level {i}"), *colour));
     }
@@ -62,14 +65,15 @@ pub(super) fn generate(triangles: u64, seed: u64) -> Geometry {
         .map(|chunk| {
             let mut mesh = Mesh::default();
             for ball in chunk {
-                tessellate(&mut mesh, ball, slices, stacks);
+                tessellate(&mut mesh, ball, divisions[ball.level as usize]);
             }
             mesh
         })
         .collect();
     let mut floor = Mesh::default();
-    let corner = Vec3::new(-4.0, -1.0, -4.0);
-    floor.grid(corner, 8.0 * Vec3::Z, 8.0 * Vec3::X, (FLOOR_CELLS, FLOOR_CELLS), 0);
+    let corner = Vec3::new(-FLOOR_HALF, -1.0, -FLOOR_HALF);
+    let (u, v) = (2.0 * FLOOR_HALF * Vec3::Z, 2.0 * FLOOR_HALF * Vec3::X);
+    floor.grid(corner, u, v, (FLOOR_CELLS, FLOOR_CELLS), 0);
     parts.push(floor);
     assemble(parts, materials)
 }
@@ -90,6 +94,34 @@ fn child_of(parent: &Ball, child: u64, twist: f32, level: u32) -> Ball {
     }
 }
 
+/// What a ball of a level gets of the triangles, where the large ball gets 1: its radius to the power 1.5.
+/// In proportion to the radius large balls would look angular, to its square small ones.
+fn share(level: u32) -> f64 {
+    3f64.powf(-1.5 * f64::from(level))
+}
+
+/// The shares of all balls down to `level` together.
+fn total_share(level: u32) -> f64 {
+    (0..=level).map(|l| CHILDREN.pow(l) as f64 * share(l)).sum()
+}
+
+/// Slices and stacks of the balls of each level. The smallest, of which there are most, choose first, so
+/// that the few large ones, which can be cut finely, make up for their rounding.
+fn divisions(budget: u64, level: u32) -> Vec<(u32, u32)> {
+    let mut left = budget;
+    let mut all: Vec<_> = (0..=level)
+        .rev()
+        .map(|level| {
+            let (slices, stacks) = division((left as f64 * share(level) / total_share(level)) as u64);
+            let each = 2 * u64::from(slices) * u64::from(stacks - 1);
+            left = left.saturating_sub(CHILDREN.pow(level) * each);
+            (slices, stacks)
+        })
+        .collect();
+    all.reverse();
+    all
+}
+
 /// Slices and stacks whose 2 · slices · (stacks − 1) triangles come nearest to `triangles`.
 fn division(triangles: u64) -> (u32, u32) {
     let mut best = (3, 2);
@@ -108,7 +140,7 @@ fn division(triangles: u64) -> (u32, u32) {
     best
 }
 
-fn tessellate(mesh: &mut Mesh, ball: &Ball, slices: u32, stacks: u32) {
+fn tessellate(mesh: &mut Mesh, ball: &Ball, (slices, stacks): (u32, u32)) {
     let at = |i: u32, j: u32| {
         let (sin, cos) = (std::f32::consts::TAU * (i % slices) as f32 / slices as f32).sin_cos();
         let (y, r) = match j {
@@ -132,5 +164,27 @@ fn tessellate(mesh: &mut Mesh, ball: &Ball, slices: u32, stacks: u32) {
                 mesh.triangle(if j > 0 { a } else { b }, c, d, material);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_balls_are_rounder_than_small_ones() {
+        for triangles in [1_000, 50_000, 1_000_000] {
+            let made = generate(triangles, 1);
+            let of = |level: u32| made.material_ids.iter().filter(|&&id| id == 1 + level).count();
+            let levels = made.materials.len() as u32 - 1;
+            for level in 1..levels {
+                let (here, above) = (
+                    of(level) / CHILDREN.pow(level) as usize,
+                    of(level - 1) / CHILDREN.pow(level - 1) as usize,
+                );
+                assert!(here >= 20 && above > 2 * here, "{triangles}: {above} then {here}");
+            }
+        }
+        assert!(generate(50_000, 1).material_ids.iter().filter(|&&id| id == 1).count() > 3_000);
     }
 }
