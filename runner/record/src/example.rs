@@ -12,8 +12,8 @@ pub fn example() -> Record {
     parameters.set("ploc.radius", 8u32);
     parameters.set("trace.fetch_below", 0.625);
     parameters.set("trace.postpone_below", 0.25);
-    parameters.set("trace.primary_subgroups", 20u32);
-    parameters.set("trace.secondary_subgroups", 32u32);
+    parameters.set("trace.primary_subgroups", 8u32);
+    parameters.set("trace.secondary_subgroups", 8u32);
     parameters.set("trace.stack", 64u32);
     Record {
         schema: SCHEMA,
