@@ -7,12 +7,14 @@ pub fn example() -> Record {
     let mut parameters = Parameters::default();
     parameters.set("collapse.c_i", 2.0);
     parameters.set("collapse.c_t", 2.0);
-    parameters.set("collapse.leaf_triangles", 16u32);
+    parameters.set("collapse.max_leaf", 16u32);
+    parameters.set("morton.bits", 10u32);
     parameters.set("ploc.radius", 8u32);
-    parameters.set("trace.language", "glsl");
-    parameters.set("trace.speculative", true);
-    parameters.set("trace.workgroup.primary", 640u32);
-    parameters.set("trace.workgroup.secondary", 1024u32);
+    parameters.set("trace.fetch_below", 0.625);
+    parameters.set("trace.postpone_below", 0.25);
+    parameters.set("trace.primary_subgroups", 8u32);
+    parameters.set("trace.secondary_subgroups", 8u32);
+    parameters.set("trace.stack", 64u32);
     Record {
         schema: SCHEMA,
         tool: Tool {
@@ -63,7 +65,7 @@ fn device() -> Device {
             timestamp_bits: 64,
             heaps: vec![Heap { bytes: 12 << 30, device_local: true }],
         },
-        features: ["shaderInt64", "VK_KHR_shader_clock"].map(String::from).into(),
+        features: ["subgroupSizeControl", "VK_KHR_pipeline_executable_properties"].map(String::from).into(),
     }
 }
 
@@ -104,22 +106,28 @@ fn measured(before: Timestamp, after: Timestamp) -> Point {
             name: "sponza".into(),
             source: Source::File { name: "sponza.glb".into(), sha256: "a0".repeat(32) },
             triangles: 262_205,
-            skipped: [("degenerate".to_string(), 2)].into(),
+            skipped: [("non_finite".to_string(), 2)].into(),
             load_milliseconds: 21.5,
         },
         variant: "Binary".into(),
         parameters: Parameters::default(),
         build: Build {
             repetitions: vec![
-                repetition(1.42, [("morton", 0.05), ("sort", 0.4), ("ploc", 0.9)]),
-                repetition(1.39, [("morton", 0.05), ("sort", 0.38), ("ploc", 0.89)]),
+                repetition(
+                    1.42,
+                    [("morton", 0.05), ("sort", 0.4), ("ploc", 0.7), ("collapse", 0.1), ("rearrange", 0.1)],
+                ),
+                repetition(
+                    1.39,
+                    [("morton", 0.05), ("sort", 0.38), ("ploc", 0.69), ("collapse", 0.1), ("rearrange", 0.1)],
+                ),
             ],
         },
         tree: Tree {
             nodes: 98_303,
             leaves: 98_304,
             node_bytes: 98_303 * 56,
-            triangle_bytes: 262_205 * 36,
+            triangle_bytes: 262_205 * 48,
             average_children: 2.0,
             average_triangles_per_leaf: 2.667,
             depth: 27,
@@ -146,6 +154,7 @@ fn measured(before: Timestamp, after: Timestamp) -> Point {
 fn generated() -> Point {
     let mut given = Parameters::default();
     given.set("seed", 1u32);
+    given.set("triangles", 36u32);
     let unasked = Telemetry::unavailable("the NVIDIA management library is not installed");
     let mut parameters = Parameters::default();
     parameters.set("collapse.c_t", 3.0);
@@ -166,7 +175,7 @@ fn generated() -> Point {
             nodes: 5,
             leaves: 14,
             node_bytes: 5 * 112,
-            triangle_bytes: 36 * 36,
+            triangle_bytes: 36 * 48,
             average_children: 3.6,
             average_triangles_per_leaf: 2.571,
             depth: 2,
