@@ -32,7 +32,8 @@ fn main() -> ExitCode {
             eprint!("{other}");
         }
         Err(help_or_version) => {
-            print!("{help_or_version}");
+            // A reader that has gone away is no failure.
+            let _ = help_or_version.print();
             return ExitCode::SUCCESS;
         }
         Ok(arguments) => {

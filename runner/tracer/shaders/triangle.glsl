@@ -7,7 +7,8 @@
 //
 // Where we leave the paper: an edge function that rounds to zero counts as inside, without a second look
 // in double precision. A product of two floats rounds monotonically, so the sign of a difference of two
-// products is never wrong, it only can be lost to zero; counting zero as inside on both sides of an edge
+// products is never wrong, it only can be lost to zero (unless products leave the range of floats: scenes
+// should measure between 1e-12 and 1e12 units); counting zero as inside on both sides of an edge
 // keeps the edge closed. Triangles are not culled by facing, so the winding swap is left out.
 #ifndef TRIANGLE_GLSL
 #define TRIANGLE_GLSL
