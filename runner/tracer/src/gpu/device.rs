@@ -10,6 +10,11 @@ use std::{
 /// Kernels take their arguments in at most this many bytes, which every Vulkan device offers.
 pub(super) const PUSH_BYTES: u32 = 128;
 
+/// Numbers of the vendors whose drivers' words are known here.
+pub(super) const NVIDIA: u32 = 0x10DE;
+pub(super) const AMD: u32 = 0x1002;
+pub(super) const INTEL: u32 = 0x8086;
+
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// How a device presents itself, ordered by which one we would rather measure.
@@ -88,6 +93,16 @@ pub struct DeviceInfo {
 }
 
 impl DeviceInfo {
+    /// Whether the device has an optional feature, by the name it has in `optional`.
+    pub fn has(&self, feature: &str) -> bool {
+        self.optional.iter().any(|o| o == feature)
+    }
+
+    /// Whether the driver tells what its compiler made of a kernel.
+    pub fn tells_statistics(&self) -> bool {
+        self.has("pipelineExecutableInfo")
+    }
+
     /// Whether the driver is Mesa's lavapipe of a release that silently ends a loop after 65,535
     /// iterations of a subgroup (all before 23.1).
     pub fn ends_long_loops(&self) -> bool {
@@ -470,8 +485,7 @@ impl Gpu {
         if !info.missing.is_empty() {
             return Err(Error::Unsupported { device: info.name, missing: info.missing.join(", ") });
         }
-        let uses = |name: &str| info.optional.iter().any(|o| o == name);
-        let full_subgroups = uses("subgroupSizeControl")
+        let full_subgroups = info.has("subgroupSizeControl")
             && (info.subgroup_size_range[0]..=info.subgroup_size_range[1]).contains(&info.subgroup_size);
 
         // SAFETY: `physical` belongs to this live instance.
@@ -494,7 +508,7 @@ impl Gpu {
             .features(vk::PhysicalDeviceFeatures::default().shader_int64(true))
             .push_next(&mut f12)
             .push_next(&mut f13);
-        if uses("pipelineExecutableInfo") {
+        if info.tells_statistics() {
             extensions.push(khr::pipeline_executable_properties::NAME.into());
             info2 = info2.push_next(&mut executable);
         }
@@ -506,7 +520,8 @@ impl Gpu {
         // SAFETY: every feature and extension asked for was reported by `describe`.
         let device = unsafe { instance.instance.create_device(physical, &create, None) }
             .context("opening the device")?;
-        let executable = uses("pipelineExecutableInfo")
+        let executable = info
+            .tells_statistics()
             .then(|| khr::pipeline_executable_properties::Device::new(&instance.instance, &device));
 
         let ranges =
@@ -565,40 +580,47 @@ impl Drop for Inner {
     }
 }
 
+/// A device that tells nothing, for tests to fill in.
+#[cfg(test)]
+pub(super) fn unknown() -> DeviceInfo {
+    DeviceInfo {
+        index: 0,
+        name: String::new(),
+        kind: DeviceKind::Other,
+        vendor_id: 0,
+        device_id: 0,
+        uuid: String::new(),
+        api_version: String::new(),
+        driver_name: String::new(),
+        driver_info: String::new(),
+        driver_version: 0,
+        subgroup_size: 32,
+        subgroup_size_range: [32, 32],
+        shared_memory_bytes: 0,
+        max_workgroup_size: 1024,
+        max_workgroup_axes: [1024; 3],
+        max_workgroups: [65535; 3],
+        storage_buffer_bytes: 0,
+        heaps: vec![],
+        timestamp_period_ns: 1.0,
+        timestamp_bits: 64,
+        memory_bytes: 0,
+        max_allocation_bytes: 0,
+        multiprocessors: 0,
+        subgroups_per_multiprocessor: 0,
+        pci: None,
+        optional: vec![],
+        missing: vec![],
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn device(index: usize, kind: DeviceKind, name: &str) -> DeviceInfo {
-        DeviceInfo {
-            index,
-            name: name.into(),
-            kind,
-            vendor_id: 0,
-            device_id: 0,
-            uuid: format!("0000000{index}-0000-0000-0000-000000000000"),
-            api_version: String::new(),
-            driver_name: String::new(),
-            driver_info: String::new(),
-            driver_version: 0,
-            subgroup_size: 32,
-            subgroup_size_range: [32, 32],
-            shared_memory_bytes: 0,
-            max_workgroup_size: 1024,
-            max_workgroup_axes: [1024; 3],
-            max_workgroups: [65535; 3],
-            storage_buffer_bytes: 0,
-            heaps: vec![],
-            timestamp_period_ns: 1.0,
-            timestamp_bits: 64,
-            memory_bytes: 0,
-            max_allocation_bytes: 0,
-            multiprocessors: 0,
-            subgroups_per_multiprocessor: 0,
-            pci: None,
-            optional: vec![],
-            missing: vec![],
-        }
+        let uuid = format!("0000000{index}-0000-0000-0000-000000000000");
+        DeviceInfo { index, name: name.into(), kind, uuid, ..unknown() }
     }
 
     #[test]

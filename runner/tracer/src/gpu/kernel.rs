@@ -1,4 +1,4 @@
-use super::{Error, Gpu, Shader, error::Context};
+use super::{Error, Gpu, Resources, Shader, error::Context};
 use ash::vk;
 use std::fmt;
 
@@ -13,7 +13,7 @@ pub struct Kernel {
 }
 
 /// One figure that the driver's compiler tells of a kernel, such as its register count.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Statistic {
     /// The driver's own name for it.
     pub name: String,
@@ -96,12 +96,21 @@ impl Kernel {
         self.name
     }
 
-    /// Registers, shared and local memory as the driver reports them; empty where it does not
-    /// (`VK_KHR_pipeline_executable_properties`).
+    /// What the kernel takes from a multiprocessor. Where the driver tells nothing of it (it lacks
+    /// `VK_KHR_pipeline_executable_properties`), that is its two sizes and nothing else.
+    pub fn resources(&self) -> Resources {
+        Resources::new(self.gpu.info(), self.workgroup_size, self.told_subgroup_size(), &self.statistics())
+    }
+
+    /// Everything that the driver's compiler tells of the kernel, under its own names; empty where it does not.
     pub fn statistics(&self) -> Vec<Statistic> {
         let Some(executable) = &self.gpu.inner.executable else { return Vec::new() };
+        if self.told_subgroup_size().is_none() {
+            return Vec::new();
+        }
         let info = vk::PipelineExecutableInfoKHR::default().pipeline(self.pipeline);
-        // SAFETY: the pipeline was made with CAPTURE_STATISTICS, and a compute pipeline has executable 0.
+        // SAFETY: the pipeline belongs to this device and was made with CAPTURE_STATISTICS, and it has an
+        // executable 0, whose subgroup size we have just seen.
         let all = unsafe { executable.get_pipeline_executable_statistics(&info) }.unwrap_or_default();
         all.iter()
             .map(|s| {
@@ -119,6 +128,14 @@ impl Kernel {
                 Statistic { name, value }
             })
             .collect()
+    }
+
+    /// The subgroup size of the pipeline's first executable; a compute pipeline has one, or none that is told.
+    fn told_subgroup_size(&self) -> Option<u32> {
+        let info = vk::PipelineInfoKHR::default().pipeline(self.pipeline);
+        // SAFETY: the pipeline belongs to this device, which has the extension's feature enabled.
+        let all = unsafe { self.gpu.inner.executable.as_ref()?.get_pipeline_executable_properties(&info) };
+        Some(all.ok()?.first()?.subgroup_size)
     }
 }
 

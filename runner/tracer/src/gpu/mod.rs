@@ -9,13 +9,17 @@ mod error;
 #[cfg(test)]
 pub(crate) mod interface;
 mod kernel;
+mod occupancy;
 mod pass;
+mod resources;
 
 pub use buffer::Buffer;
 pub use device::{DeviceInfo, DeviceKind, Gpu, Options, Selector, devices};
 pub use error::Error;
 pub use kernel::{Kernel, Statistic};
+pub use occupancy::{Limit, MultiprocessorLimits, Occupancy, UnknownLimits};
 pub use pass::{Pass, Span, Timings};
+pub use resources::Resources;
 
 /// One compiled compute shader, embedded by the build script.
 #[derive(Debug)]
