@@ -103,10 +103,16 @@ pub enum Command {
     /// Trace rays from a file and time it
     #[command(after_help = TRACE_EXAMPLES)]
     Trace(Trace),
-    /// Show what each traversal kernel takes: registers, shared and local memory, as the driver tells it
+    /// Show what each traversal kernel takes: registers, memory, and how full of it a multiprocessor can be
+    ///
+    /// First comes what one multiprocessor has, where that is known, then a row for each variant and kind of
+    /// rays. Registers, memory and spills are what the driver's compiler tells; Mesa's CPU driver tells nothing.
     Resources {
         #[command(flatten)]
         tuning: Tuning,
+        /// Print JSON, with all that the driver tells under its own names
+        #[arg(long)]
+        json: bool,
     },
     /// Print the JSON Schema of the record
     Schema,

@@ -17,7 +17,7 @@ use tracer::{
     gpu::{DeviceInfo, Pass},
     path::{self, Camera, PathTracer},
     scene::{SearchPath, Source, built_in},
-    traverse::{Buffers, Counts, Hit, Queue, Ray, Traversal, Wave, cpu},
+    traverse::{Buffers, Counts, Hit, Queue, Ray, Wave, cpu},
 };
 
 /// Prints to stdout; a reader that has gone away is no error.
@@ -179,36 +179,6 @@ pub fn man(command: Option<&str>) -> anyhow::Result<()> {
 /// `runner schema`.
 pub fn schema() -> anyhow::Result<()> {
     print(&serde_json::to_string_pretty(&record::json_schema())?)
-}
-
-/// `runner resources`.
-pub fn resources(global: &Global, tuning: &args::Tuning) -> anyhow::Result<()> {
-    let mut params = Params::default();
-    params.set(&tuning.set)?;
-    let session = Session::open(global)?;
-    let mut rows = table(&["variant", "rays", "workgroup", "statistic", "value"]);
-    for &variant in Variant::ALL {
-        let traversal = Traversal::new(&session.gpu, &params.trace, 0, false)?;
-        for wave in [Wave::Primary, Wave::Secondary] {
-            let kernel = traversal.kernel(wave);
-            for statistic in kernel.statistics() {
-                rows.add_row([
-                    variant.to_string(),
-                    format!("{wave:?}").to_lowercase(),
-                    kernel.workgroup_size().to_string(),
-                    statistic.name,
-                    statistic.value.to_string(),
-                ]);
-            }
-        }
-    }
-    if rows.is_empty() {
-        let name = &session.gpu.info().name;
-        return print(&format!(
-            "the driver of {name} does not tell: it lacks VK_KHR_pipeline_executable_properties"
-        ));
-    }
-    print(&table::shown(&rows))
 }
 
 /// A scene, its tree and a camera, as `render` and `rays` want them.

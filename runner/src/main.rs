@@ -7,6 +7,7 @@ mod params;
 mod picture;
 mod progress;
 mod rayfile;
+mod resources;
 mod run;
 mod session;
 mod table;
@@ -26,7 +27,7 @@ fn main() -> ExitCode {
         Command::Render(render) => commands::render(&cli.global, render),
         Command::Rays(rays) => commands::rays(&cli.global, rays),
         Command::Trace(trace) => commands::trace(&cli.global, trace),
-        Command::Resources { tuning } => commands::resources(&cli.global, tuning),
+        Command::Resources { tuning, json } => resources::resources(&cli.global, tuning, *json),
         Command::Schema => commands::schema(),
         Command::Completions { shell } => commands::completions(*shell),
         Command::Man { command } => commands::man(command.as_deref()),

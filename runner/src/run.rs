@@ -6,6 +6,7 @@ use crate::{
     host,
     params::Params,
     progress::{bar, remark},
+    resources,
     session::{Loaded, Planted, Session, interrupted, watch_for_interrupts},
     table,
     telemetry::Telemetry,
@@ -183,11 +184,13 @@ impl Measuring<'_> {
             parameters: record::Parameters::default(),
             build: Build { repetitions },
             tree: tree(&planted.statistics),
+            kernels: Vec::new(),
             views: Vec::new(),
         });
 
         let timed = self.session.traversal(&planted, &plan.params, false)?;
         let counting = self.session.traversal(&planted, &plan.params, true)?;
+        writer.record.results.last_mut().expect("pushed above").kernels = resources::recorded(&timed);
         let size = (plan.size.width, plan.size.height);
         let tracer = PathTracer::new(&self.session.gpu, &self.loaded.device, size, &plan.path, true)?;
         tracer.clear()?;

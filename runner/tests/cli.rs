@@ -129,6 +129,35 @@ fn a_run_writes_a_valid_record_and_a_table() {
 }
 
 #[test]
+fn resources_are_shown_and_recorded_as_far_as_the_driver_tells_them() {
+    let here = folder();
+    let set = "--set trace.primary_subgroups=2 --set trace.secondary_subgroups=4";
+    let line = format!("resources --json {set}");
+    let json: serde_json::Value = serde_json::from_slice(&works(here.path(), &line).stdout).unwrap();
+    let kernels = json["kernels"].as_array().unwrap();
+    let table = text(&works(here.path(), &format!("resources {set}")).stdout);
+    works(here.path(), &format!("run cornell --samples 1 --size 16x8 --views 0 --builds 1 {set} -o x.json"));
+    let recorded = &valid(&here.path().join("x.json")).results[0].kernels;
+    assert_eq!(recorded.len(), 2);
+    for (rays, subgroups) in [("primary", 2), ("secondary", 4)] {
+        let kernel = kernels.iter().find(|k| k["rays"] == rays && k["variant"] == "Binary").unwrap();
+        let subgroup = kernel["subgroup_size"].as_u64().unwrap();
+        assert_eq!(kernel["workgroup_size"], subgroups * subgroup, "{rays}");
+        let row = table.lines().find(|line| line.starts_with("Binary") && line.contains(rays));
+        assert!(row.unwrap().contains(&format!(" {subgroup} × {subgroups} ")), "{table}");
+        let recorded = recorded.iter().find(|k| k.purpose == rays).unwrap();
+        assert_eq!(u64::from(recorded.workgroup_size), subgroups * subgroup);
+        assert_eq!(u64::from(recorded.subgroup_size), subgroup);
+        assert_eq!(recorded.registers.map(u64::from), kernel["registers"].as_u64());
+        // A driver that tells something tells it in words of its own too.
+        let told = !kernel["statistics"].as_array().unwrap().is_empty();
+        assert!(told || kernel["registers"].is_null(), "{kernel}");
+        assert_eq!(table.contains("VK_KHR_pipeline_executable_properties"), !told, "{table}");
+    }
+    assert!(table.lines().all(|line| line.chars().count() <= 120), "{table}");
+}
+
+#[test]
 fn quiet_is_quiet_and_the_schema_is_json() {
     let here = folder();
     let output =

@@ -88,6 +88,22 @@ fn counters<const N: usize>(depths: [[u64; 4]; N]) -> Option<Counters> {
     })
 }
 
+fn kernel(purpose: &str, registers: u32, occupancy: f64, limited_by: OccupancyLimit) -> Kernel {
+    Kernel {
+        name: "traverse/binary".into(),
+        purpose: purpose.into(),
+        workgroup_size: 256,
+        subgroup_size: 32,
+        registers: Some(registers),
+        local_bytes: Some(256),
+        shared_bytes: Some(12),
+        spills: Some(0),
+        code_bytes: Some(9472),
+        occupancy: Some(occupancy),
+        limited_by: Some(limited_by),
+    }
+}
+
 fn measured(before: Timestamp, after: Timestamp) -> Point {
     let reading = |time, temperature, power| {
         Telemetry::Available(Reading {
@@ -133,6 +149,10 @@ fn measured(before: Timestamp, after: Timestamp) -> Point {
             depth: 27,
             sah_cost: 181.25,
         },
+        kernels: vec![
+            kernel("primary", 40, 1.0, OccupancyLimit::Subgroups),
+            kernel("secondary", 72, 0.5, OccupancyLimit::Registers),
+        ],
         views: vec![View {
             name: "atrium".into(),
             samples: vec![
@@ -181,6 +201,7 @@ fn generated() -> Point {
             depth: 2,
             sah_cost: 23.5,
         },
+        kernels: Vec::new(),
         views: vec![View {
             name: "front".into(),
             samples: vec![launches([(230_400, 0.081), (230_112, 0.213)])],

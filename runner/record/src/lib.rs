@@ -23,6 +23,7 @@ mod device;
 mod example;
 mod file;
 mod host;
+mod kernel;
 mod parameters;
 mod point;
 mod telemetry;
@@ -34,6 +35,7 @@ pub use device::{Device, DeviceKind, Driver, Heap, Limits};
 pub use example::example;
 pub use file::Error;
 pub use host::{Commit, Host, Tool};
+pub use kernel::{Kernel, OccupancyLimit};
 pub use parameters::{Parameters, Value};
 pub use point::{
     Build, Count, Counters, Launch, Phase, Point, Repetition, Sample, Scene, Source, Tree, View,

@@ -1,4 +1,4 @@
-use crate::{Parameters, Telemetry};
+use crate::{Kernel, Parameters, Telemetry};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -17,6 +17,9 @@ pub struct Point {
     pub build: Build,
     /// What the build made.
     pub tree: Tree,
+    /// The kernels that traced its rays; none in records from before they were kept.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub kernels: Vec<Kernel>,
     /// What was measured from each view.
     pub views: Vec<View>,
 }

@@ -1,4 +1,4 @@
-use crate::{Build, Count, Point, Record, SCHEMA, Source, Telemetry, Tree, View};
+use crate::{Build, Count, Kernel, Point, Record, SCHEMA, Source, Telemetry, Tree, View};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
@@ -117,6 +117,15 @@ impl Record {
         problems.not_negative(&format!("{at}.scene.load_milliseconds"), scene.load_milliseconds);
         check_build(&format!("{at}.build"), &point.build, problems);
         check_tree(&format!("{at}.tree"), &point.tree, scene.triangles, problems);
+        let mut purposes = BTreeSet::new();
+        for (index, kernel) in point.kernels.iter().enumerate() {
+            let at = format!("{at}.kernels[{index}]");
+            if !purposes.insert((&kernel.name, &kernel.purpose)) {
+                let what = format!("a second kernel {:?} for {:?}", kernel.name, kernel.purpose);
+                problems.add(&at, Fault::Duplicate, what);
+            }
+            self.check_kernel(&at, kernel, problems);
+        }
         if point.views.is_empty() {
             problems.add(&format!("{at}.views"), Fault::Empty, "no view was measured");
         }
@@ -129,6 +138,32 @@ impl Record {
                 problems.add(&at, Fault::Duplicate, what);
             }
             check_view(&at, view, self.run.depth as usize, problems);
+        }
+    }
+
+    fn check_kernel(&self, at: &str, kernel: &Kernel, problems: &mut Problems) {
+        if !self.shaders.contains_key(&kernel.name) {
+            let what = format!("{:?} is none of the record's shaders", kernel.name);
+            problems.add(&format!("{at}.name"), Fault::Mismatch, what);
+        }
+        problems.named(&format!("{at}.purpose"), &kernel.purpose);
+        for (name, value) in
+            [("workgroup_size", kernel.workgroup_size), ("subgroup_size", kernel.subgroup_size)]
+        {
+            if value == 0 {
+                problems.add(&format!("{at}.{name}"), Fault::Range, "zero");
+            }
+        }
+        if let Some(occupancy) = kernel.occupancy {
+            let at = format!("{at}.occupancy");
+            problems.positive(&at, occupancy);
+            if occupancy.is_finite() && occupancy > 1.0 {
+                problems.add(&at, Fault::Range, format!("{occupancy} is more than all"));
+            }
+        }
+        if kernel.occupancy.is_some() != kernel.limited_by.is_some() {
+            let what = "there without occupancy, or the other way round";
+            problems.add(&format!("{at}.limited_by"), Fault::Mismatch, what);
         }
     }
 }
@@ -354,6 +389,20 @@ mod tests {
             r.results[0].tree.sah_cost = f64::INFINITY;
         });
         breaks("results[0].tree.leaves", Mismatch, |r| r.results[0].tree.leaves = 0);
+        let kernel = "results[0].kernels[1]";
+        fn second(record: &mut Record) -> &mut Kernel {
+            &mut record.results[0].kernels[1]
+        }
+        breaks(kernel, Duplicate, |r| second(r).purpose = "primary".into());
+        breaks(&format!("{kernel}.name"), Mismatch, |r| second(r).name = "traverse/trinary".into());
+        breaks(&format!("{kernel}.purpose"), Empty, |r| second(r).purpose.clear());
+        breaks(&format!("{kernel}.workgroup_size"), Range, |r| second(r).workgroup_size = 0);
+        breaks(&format!("{kernel}.subgroup_size"), Range, |r| second(r).subgroup_size = 0);
+        breaks(&format!("{kernel}.occupancy"), NotFinite, |r| second(r).occupancy = Some(f64::NAN));
+        breaks(&format!("{kernel}.occupancy"), Range, |r| second(r).occupancy = Some(0.0));
+        breaks(&format!("{kernel}.occupancy"), Range, |r| second(r).occupancy = Some(1.01));
+        breaks(&format!("{kernel}.limited_by"), Mismatch, |r| second(r).occupancy = None);
+        breaks(&format!("{kernel}.limited_by"), Mismatch, |r| second(r).limited_by = None);
         breaks("results[0].views", Empty, |r| r.results[0].views.clear());
         breaks("results[0].views[1]", Duplicate, |r| {
             let view = r.results[0].views[0].clone();
@@ -389,6 +438,24 @@ mod tests {
         let mut point = record.results[0].clone();
         point.parameters.set("collapse.c_t", 3.0);
         record.results.push(point);
+        assert_eq!(record.validate(), Ok(()));
+    }
+
+    #[test]
+    fn a_kernel_need_not_tell_more_than_its_sizes() {
+        let mut record = example();
+        for kernel in &mut record.results[0].kernels {
+            *kernel = Kernel {
+                registers: None,
+                local_bytes: None,
+                shared_bytes: None,
+                spills: None,
+                code_bytes: None,
+                occupancy: None,
+                limited_by: None,
+                ..kernel.clone()
+            };
+        }
         assert_eq!(record.validate(), Ok(()));
     }
 

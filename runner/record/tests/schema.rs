@@ -1,6 +1,6 @@
 //! Holds the generated JSON Schema against records: a sound one passes, a damaged one does not.
 
-use record::{example, json_schema};
+use record::{Record, example, json_schema};
 use serde_json::{Value, json};
 
 /// Checks a value against the parts of JSON Schema that schemars writes for our types, and returns
@@ -145,6 +145,9 @@ fn a_damaged_record_does_not_fit() {
         ("/device/limits/workgroup_size", json!([1, 2])),
         ("/parameters/ploc.radius", json!([8])),
         ("/results/0/scene/source", json!({"kind": "rumour"})),
+        ("/results/0/kernels", json!({})),
+        ("/results/0/kernels/0/registers", json!(40.5)),
+        ("/results/0/kernels/0/limited_by", json!("boredom")),
         ("/results/0/views/0/before/throttle_reasons/0", json!("boredom")),
         (first_launch, json!({"rays": 5})),
         (first_launch, json!({"rays": 5, "milliseconds": null})),
@@ -165,5 +168,12 @@ fn what_a_reader_needs_is_required() {
     }
     let mut value = sound();
     value.as_object_mut().unwrap().remove("finished");
+    // As in records from before kernels were kept.
+    value["results"][0].as_object_mut().unwrap().remove("kernels").unwrap();
+    assert_eq!(misfits(&value), Vec::<String>::new());
+    assert!(serde_json::from_value::<Record>(value).unwrap().results[0].kernels.is_empty());
+    let mut value = sound();
+    let kernel = value["results"][0]["kernels"][0].as_object_mut().unwrap();
+    kernel.retain(|name, _| ["name", "purpose", "workgroup_size", "subgroup_size"].contains(&name.as_str()));
     assert_eq!(misfits(&value), Vec::<String>::new());
 }

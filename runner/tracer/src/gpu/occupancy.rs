@@ -43,17 +43,13 @@ pub struct MultiprocessorLimits {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnknownLimits {
     /// No table of its limits is here.
-    #[error(
-        "Vulkan does not tell the limits of a multiprocessor, and only those of NVIDIA's chips are known here"
-    )]
+    #[error("Vulkan does not tell what a multiprocessor has, and only NVIDIA's are known here")]
     Vendor,
     /// The driver is NVIDIA's or Mesa's, and too old.
-    #[error("the driver does not tell how many subgroups a multiprocessor holds (VK_NV_shader_sm_builtins)")]
+    #[error("the driver does not tell how many subgroups one holds (VK_NV_shader_sm_builtins)")]
     Subgroups,
     /// A chip from before or after those in the table.
-    #[error(
-        "of NVIDIA's chips those from Turing to Blackwell are known here, and device {0:#06x} is none of them"
-    )]
+    #[error("device {0:#06x} is none of the chips that are known here, Turing to Blackwell")]
     Chip(u32),
 }
 
