@@ -118,11 +118,11 @@ impl Report {
         if let Some(reason) = &self.unknown {
             parts.push(format!("\n{reason}"));
         }
-        if self.kernels.iter().any(|row| row.takes.registers.is_some()) {
+        if self.kernels.iter().any(|row| !row.statistics.is_empty()) {
             parts.push(
-                "\nregisters and local B (memory for stacks and spills) are an invocation's, shared B a workgroup's,\n\
-                 as the driver tells them; --json has all it tells, under its own names. A tree deeper than the stack\n\
-                 (trace.stack) gets kernels with a larger one in `runner run`, and its record says what they take."
+                "\nregisters and local B (stacks, and what was spilled there) are an invocation's, shared B a workgroup's,\n\
+                 as the driver tells them; a dash is not told, and --json has all that is, under the driver's own names.\n\
+                 A tree deeper than trace.stack gets kernels with a larger stack in `runner run`; its record has those."
                     .into(),
             );
         }
@@ -158,7 +158,7 @@ fn limits_text(limits: &MultiprocessorLimits) -> String {
             format!("at most {}", limits.invocation_registers),
             format!("rounded up to a multiple of {register_granularity}"),
         ),
-        ("  that leave it full", number(limits.full_registers()), "an invocation".into()),
+        ("  at full occupancy", number(limits.full_registers()), "at most, an invocation".into()),
         (
             "subgroups at once",
             number(limits.subgroups),
@@ -178,7 +178,7 @@ fn limits_text(limits: &MultiprocessorLimits) -> String {
             format!("{} B", number(limits.shared_bytes)),
             format!("a workgroup's part is rounded up to a multiple of {shared_granularity} B"),
         ),
-        ("  that leaves it full", format!("{} B", limits.full_shared_bytes()), "an invocation".into()),
+        ("  at full occupancy", format!("{} B", limits.full_shared_bytes()), "at most, an invocation".into()),
     ];
     let lines =
         lines.map(|(name, value, note)| format!("  {name:<22}{value:>12}  {note}").trim_end().to_owned());
@@ -220,9 +220,8 @@ fn rows(kernels: &[Row]) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tracer::gpu::Occupancy;
 
-    /// The thesis's binary kernel with the workgroups of 32 × 32 that it measures, on its GPU.
+    /// The thesis's binary traversal inside a single kernel, on its GPU.
     fn report() -> Report {
         let limits = MultiprocessorLimits {
             registers: 65_536,
@@ -237,19 +236,14 @@ mod tests {
             shared_granularity: 128,
         };
         let takes = Resources {
-            workgroup_size: 1024,
+            workgroup_size: 64,
             subgroup_size: 32,
             registers: Some(48),
             local_bytes: Some(256),
             shared_bytes: Some(3344),
             spills: None,
             code_bytes: Some(9472),
-            occupancy: Some(Occupancy {
-                subgroups: 32,
-                of: 48,
-                workgroups: 1,
-                limited_by: Limit::SharedMemory,
-            }),
+            occupancy: limits.occupancy(48, 3344, 64),
         };
         Report {
             device: "NVIDIA GeForce RTX 4070 Ti".into(),
@@ -279,8 +273,8 @@ mod tests {
         }
         let row = text.lines().find(|line| line.starts_with("Wide4")).unwrap();
         let cells: Vec<_> = row.split("  ").map(str::trim).filter(|cell| !cell.is_empty()).collect();
-        assert!(row.contains("secondary") && row.contains("32 × 32"), "{row}");
-        assert!(cells.ends_with(&["48", "256", "3,344", "–", "66.7%", "shared memory"]), "{cells:?}");
+        assert!(row.contains("secondary") && row.contains("32 × 2 "), "{row}");
+        assert!(cells.ends_with(&["48", "256", "3,344", "–", "58.3%", "shared memory"]), "{cells:?}");
     }
 
     #[test]
@@ -288,12 +282,13 @@ mod tests {
         let mut report = report();
         report.multiprocessor = None;
         report.unknown = unknown("llvmpipe", false, Some(UnknownLimits::Vendor));
+        report.kernels[0].statistics.clear();
         let takes = &mut report.kernels[0].takes;
         (takes.registers, takes.local_bytes, takes.shared_bytes, takes.occupancy) = (None, None, None, None);
         let text = report.text();
         assert_eq!(text.matches("does not tell").count(), 1, "{text}");
         assert!(!text.contains("multiprocessor"), "{text}");
-        assert!(text.lines().any(|line| line.starts_with("Wide4") && line.contains("32 × 32")), "{text}");
+        assert!(text.lines().any(|line| line.starts_with("Wide4") && line.contains("32 × 2 ")), "{text}");
         assert_eq!(text.matches('–').count(), 6, "{text}");
     }
 
@@ -317,8 +312,8 @@ mod tests {
             (kernel.registers, kernel.local_bytes, kernel.shared_bytes),
             (Some(48), Some(256), Some(3344))
         );
-        assert_eq!((kernel.workgroup_size, kernel.subgroup_size, kernel.spills), (1024, 32, None));
-        assert_eq!(kernel.occupancy, Some(2.0 / 3.0));
+        assert_eq!((kernel.workgroup_size, kernel.subgroup_size, kernel.spills), (64, 32, None));
+        assert_eq!(kernel.occupancy, Some(28.0 / 48.0));
         assert_eq!(kernel.limited_by, Some(record::OccupancyLimit::SharedMemory));
         // Both write the reasons in the same words.
         let words = |limit: Limit, recorded: record::OccupancyLimit| {

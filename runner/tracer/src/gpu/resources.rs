@@ -31,6 +31,8 @@ pub struct Resources {
 #[derive(Clone, Copy)]
 enum Figure {
     Registers,
+    /// In the lower 32 bits: above them, NVIDIA's driver 580 has another 16, so that a stack of 64 words is
+    /// 68,719,476,992 bytes.
     LocalBytes,
     /// For all invocations of a subgroup.
     SubgroupLocalBytes,
@@ -43,7 +45,7 @@ enum Figure {
 /// something else by the same name (words instead of bytes, or a workgroup instead of an invocation). Case is
 /// ignored, because Mesa changes it from release to release.
 const NAMES: &[(u32, &str, Figure)] = &[
-    // NVIDIA's own driver.
+    // NVIDIA's own driver. Its `Stack Size` is 0 for a kernel whose stack is an array: that is local memory.
     (NVIDIA, "Register Count", Figure::Registers),
     (NVIDIA, "Local Memory Size", Figure::LocalBytes),
     (NVIDIA, "Shared Memory Size", Figure::SharedBytes),
@@ -100,7 +102,7 @@ impl Resources {
             let value = statistic.value as u64;
             match figure {
                 Figure::Registers => resources.registers = u32::try_from(value).ok(),
-                Figure::LocalBytes => resources.local_bytes = Some(value),
+                Figure::LocalBytes => resources.local_bytes = Some(value & u64::from(u32::MAX)),
                 Figure::SubgroupLocalBytes => resources.local_bytes = Some(value.div_ceil(lanes)),
                 Figure::SharedBytes => resources.shared_bytes = Some(value),
                 Figure::Spills => *resources.spills.get_or_insert(0) += value,
@@ -192,18 +194,56 @@ mod tests {
         assert_eq!([size(Some(32)), size(Some(256)), size(Some(0)), size(None)], [32, 64, 64, 64]);
     }
 
-    #[test]
-    fn occupancy_follows_from_what_is_told() {
-        let info = DeviceInfo {
-            device_id: 0x2782,
-            subgroups_per_multiprocessor: 48,
+    fn nvidia(device_id: u32, subgroups: u32) -> DeviceInfo {
+        DeviceInfo {
+            device_id,
+            subgroups_per_multiprocessor: subgroups,
             shared_memory_bytes: 49_152,
             ..vendor(NVIDIA, 32)
+        }
+    }
+
+    #[test]
+    fn nvidias_driver_is_understood() {
+        // Driver 580.159 on an H100 about the binary traversal kernel with a stack of 64 entries, in workgroups
+        // of 32 × 8 and of 32 × 12, where it spills to shared memory and four words to local memory.
+        let eight = statistics([
+            ("Register Count", 48.0),
+            ("Binary Size", 11_776.0),
+            ("Stack Size", 0.0),
+            ("Local Memory Size", 68_719_476_992.0),
+            ("Shared Memory Size", 0.0),
+        ]);
+        let resources = Resources::new(&nvidia(0x2330, 64), 256, Some(32), &eight);
+        let occupancy = Occupancy { subgroups: 40, of: 64, workgroups: 5, limited_by: Limit::Registers };
+        let expected = Resources {
+            workgroup_size: 256,
+            subgroup_size: 32,
+            registers: Some(48),
+            local_bytes: Some(256),
+            shared_bytes: Some(0),
+            spills: None,
+            code_bytes: Some(11_776),
+            occupancy: Some(occupancy),
         };
+        assert_eq!(resources, expected);
+
+        let twelve = statistics([
+            ("Register Count", 40.0),
+            ("Local Memory Size", 68_719_477_008.0),
+            ("Shared Memory Size", 10_752.0),
+        ]);
+        let resources = Resources::new(&nvidia(0x2330, 64), 384, Some(32), &twelve);
+        assert_eq!((resources.local_bytes, resources.shared_bytes), (Some(272), Some(10_752)));
+        assert_eq!(resources.occupancy.unwrap().subgroups, 48);
+    }
+
+    #[test]
+    fn occupancy_follows_from_what_is_told() {
         let told = statistics([("Register Count", 48.0), ("Shared Memory Size", 3344.0)]);
-        let occupancy = Resources::new(&info, 64, Some(32), &told).occupancy.unwrap();
+        let of = |told: &[Statistic]| Resources::new(&nvidia(0x2782, 48), 64, Some(32), told).occupancy;
+        let occupancy = of(&told).unwrap();
         assert_eq!((occupancy.subgroups, occupancy.limited_by), (28, Limit::SharedMemory));
-        let code = statistics([("Binary Size", 5000.0)]);
-        assert_eq!(Resources::new(&info, 64, Some(32), &code).occupancy, None, "without registers");
+        assert_eq!(of(&statistics([("Binary Size", 5000.0)])), None, "without registers");
     }
 }
