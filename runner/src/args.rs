@@ -41,7 +41,9 @@ Examples:
   runner run cornell sphereflake -o out/record.json
   runner run sponza --scene-dir ~/scenes --views 0-3 --samples 30 -o out/sponza.json
   runner run city:triangles=1000000,seed=3 --size 1280x720
-  runner run bistro_exterior --set collapse.c_t=3 --set ploc.radius=16";
+  runner run bistro_exterior --set collapse.c_t=3 --set ploc.radius=16
+  runner run forest --variant all -o out/all.json
+  runner run city --variant 'Wide4*' --set cbtc.threshold=16 --set cbtc.subsampling=100";
 
 const RENDER_EXAMPLES: &str = "\
 Examples:
@@ -59,6 +61,13 @@ Files are little-endian: `RAYS`, u32 1, u64 count, then eight f32 a ray (origin,
 const TRACE_EXAMPLES: &str = "\
 Examples:
   runner trace out/city.rays --scene city --launches 20 --hits out/again.hits";
+
+const VALIDATE_EXAMPLES: &str = "\
+Examples:
+  runner validate sponza --variant 'Wide6 Quantized CBTC'
+  runner validate path/to/scene.glb --views 0-3 --brute-force 10000
+
+Exit status: 0 everything holds, 1 something does not, or could not be checked.";
 
 /// What every command understands.
 #[derive(Clone, Debug, Args)]
@@ -103,6 +112,17 @@ pub enum Command {
     /// Trace rays from a file and time it
     #[command(after_help = TRACE_EXAMPLES)]
     Trace(Trace),
+    /// List the variants: their nodes, how their trees are made, what they are written in
+    Variants {
+        /// Print JSON, with all parameters
+        #[arg(long)]
+        json: bool,
+        #[command(flatten)]
+        tuning: Tuning,
+    },
+    /// Check a scene: every invariant of its trees, and its hits against brute force
+    #[command(after_help = VALIDATE_EXAMPLES)]
+    Validate(Validate),
     /// Show what each traversal kernel takes: registers, memory, and how full of it a multiprocessor can be
     ///
     /// First comes what one multiprocessor has, where that is known, then a row for each variant and kind of
@@ -274,6 +294,34 @@ pub struct Trace {
     /// Where the hits go
     #[arg(long, value_name = "HITS")]
     pub hits: Option<PathBuf>,
+}
+
+/// What `validate` checks.
+#[derive(Debug, Args)]
+pub struct Validate {
+    /// The scene
+    #[arg(value_name = "SCENE")]
+    pub scene: String,
+    /// Variants to check; `*` stands for anything, `all` for every variant
+    #[arg(long, value_name = "NAME", default_value = "all")]
+    pub variant: Vec<String>,
+    /// Views that rays are taken from, by number or name; all when left out
+    #[arg(long, value_name = "LIST")]
+    pub views: Option<String>,
+    /// Picture size: one path a pixel
+    #[arg(long, value_name = "WxH", default_value = "96x54")]
+    pub size: Size,
+    /// Most rays in a path, the primary ray included
+    #[arg(long, value_name = "D", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub depth: u32,
+    /// Seed of all random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u32,
+    /// Tests of rays with triangles, in millions, that brute force may take for each variant
+    #[arg(long, value_name = "MILLIONS", default_value_t = 1000)]
+    pub brute_force: u64,
+    #[command(flatten)]
+    pub tuning: Tuning,
 }
 
 /// Width and height of a picture.

@@ -6,7 +6,7 @@ use crate::{
     picture::Picture,
     progress::{bar, remark},
     rayfile,
-    session::{Loaded, Planted, Session},
+    session::{Loaded, Plant, Session, TraceMemory},
     table::{self, table, thousands},
     variant::Variant,
 };
@@ -15,9 +15,10 @@ use clap::CommandFactory;
 use std::{io::Write, path::Path};
 use tracer::{
     gpu::{DeviceInfo, Pass},
+    layout::Layout,
     path::{self, Camera, PathTracer},
     scene::{SearchPath, Source, built_in},
-    traverse::{Buffers, Counts, Hit, Queue, Ray, Wave, cpu},
+    traverse::{Counting, Counts, Hit, Ray, Tree, Wave, cpu},
 };
 
 /// Prints to stdout; a reader that has gone away is no error.
@@ -181,11 +182,57 @@ pub fn schema() -> anyhow::Result<()> {
     print(&serde_json::to_string_pretty(&record::json_schema())?)
 }
 
+/// `runner variants`.
+pub fn variants(tuning: &args::Tuning, json: bool) -> anyhow::Result<()> {
+    let mut rows =
+        table(&["variant", "language", "children", "node bytes", "boxes", "contraction", "c_t", "subgroups"]);
+    let mut all = Vec::new();
+    for &variant in Variant::ALL {
+        let params = Params::with(variant, &tuning.set)?;
+        let method = params.build(variant).contract.method;
+        let (bytes, stride) = (variant.layout.node_bytes(), variant.layout.stride(&params.layout));
+        if json {
+            all.push(serde_json::json!({
+                "name": variant.name(),
+                "language": variant.language(),
+                "children": variant.layout.arity(),
+                "node_bytes": bytes,
+                "stride_bytes": stride,
+                "quantized": variant.layout.is_quantized(),
+                "contraction": method.to_string(),
+                "by_view": variant.by_view,
+                "parameters": params,
+            }));
+            continue;
+        }
+        rows.add_row([
+            variant.to_string(),
+            variant.language().to_owned(),
+            variant.layout.arity().to_string(),
+            if stride == bytes { bytes.to_string() } else { format!("{bytes} in {stride}") },
+            if variant.layout.is_quantized() { "8 bits a plane" } else { "32 bits a plane" }.to_owned(),
+            if variant.layout == Layout::Binary { "none".to_owned() } else { method.to_string() },
+            params.collapse.traversal_cost.to_string(),
+            format!("{}, {}", params.trace.primary_subgroups, params.trace.secondary_subgroups),
+        ]);
+    }
+    if json {
+        return print(&serde_json::to_string_pretty(&all)?);
+    }
+    table::align(&mut rows, &[0, 1, 4, 5]);
+    print(&format!(
+        "{}\n\ncontraction: sah by surface area and triangles, cbtc by visits of sample rays from the view. c_t: what\n\
+         visiting a node costs when leaves are merged. subgroups: of a workgroup, for primary and secondary rays.\n\
+         All of these are parameters; `--set` changes them, as it does in `runner run`.",
+        table::shown(&rows)
+    ))
+}
+
 /// A scene, its tree and a camera, as `render` and `rays` want them.
 struct Stage {
     session: Session,
     loaded: Loaded,
-    planted: Planted,
+    plant: Plant,
     params: Params,
     camera: Camera,
     view: String,
@@ -194,15 +241,22 @@ struct Stage {
 impl Stage {
     fn new(global: &Global, seen: &Seen, size: Size) -> anyhow::Result<Self> {
         let variant = Variant::one(&seen.variant)?;
-        let mut params = Params::default();
-        params.set(&seen.tuning.set)?;
+        let params = Params::with(variant, &seen.tuning.set)?;
         let session = Session::open(global)?;
         let loaded = session.load(&seen.scene)?;
         let names: Vec<String> = loaded.scene.views.iter().map(|v| v.name.clone()).collect();
         let view = args::pick(&names, &seen.view).map_err(anyhow::Error::msg)?[0];
         let camera = Camera::new(&loaded.scene.views[view], size.width, size.height);
-        let planted = session.plant(&loaded, variant, &params, None, 1, |_| ())?;
-        Ok(Self { session, loaded, planted, params, camera, view: names[view].clone() })
+        let plant = session.plant(&loaded, variant, &params, None, 1, |_| ())?;
+        Ok(Self { session, loaded, plant, params, camera, view: names[view].clone() })
+    }
+
+    /// The tree for the camera.
+    fn tree(&self, tracer: &PathTracer<'_>) -> anyhow::Result<Tree> {
+        match &self.plant {
+            Plant::Planted(planted) => Ok(planted.tree),
+            Plant::Seedling(seedling) => Ok(seedling.grow(&self.loaded, tracer, &self.camera)?.tree),
+        }
     }
 }
 
@@ -215,8 +269,9 @@ pub fn render(global: &Global, render: &args::Render) -> anyhow::Result<()> {
     let path = path::Params { depth: render.depth, seed: render.seen.seed };
     let device = &stage.loaded.device;
     let tracer = PathTracer::new(&session.gpu, device, (size.width, size.height), &path, counting)?;
-    let traversal = session.traversal(&stage.planted, &stage.params, counting)?;
-    let tree = &stage.planted.tree;
+    let tree = &stage.tree(&tracer)?;
+    let counted = if counting { Counting::Rays } else { Counting::Nothing };
+    let traversal = session.traversal(tree, &stage.params, counted)?;
 
     let picture = if let Some(heatmap) = render.heatmap {
         let of = |c: &Counts| match heatmap {
@@ -262,10 +317,11 @@ pub fn rays(global: &Global, rays: &args::Rays) -> anyhow::Result<()> {
     let path = path::Params { depth: rays.depth + 1, seed: rays.seen.seed };
     let device = &stage.loaded.device;
     let tracer = PathTracer::new(&session.gpu, device, (size.width, size.height), &path, false)?;
-    let traversal = session.traversal(&stage.planted, &stage.params, false)?;
+    let tree = stage.tree(&tracer)?;
+    let traversal = session.traversal(&tree, &stage.params, Counting::Nothing)?;
     let mut found = None;
     tracer.clear()?;
-    tracer.wavefronts(&traversal, &stage.planted.tree, &stage.camera, 0, |wave| {
+    tracer.wavefronts(&traversal, &tree, &stage.camera, 0, |wave| {
         if wave.depth == rays.depth as usize {
             found = Some((wave.rays, wave.hits));
         }
@@ -299,29 +355,26 @@ fn refined(loaded: &Loaded, rays: &[Ray], mut hits: Vec<Hit>) -> Vec<Hit> {
 /// `runner trace`.
 pub fn trace(global: &Global, trace: &args::Trace) -> anyhow::Result<()> {
     let variant = Variant::one(&trace.variant)?;
-    let mut params = Params::default();
-    params.set(&trace.tuning.set)?;
+    let params = Params::with(variant, &trace.tuning.set)?;
     let rays = rayfile::read_rays(&trace.rays)?;
     let session = Session::open(global)?;
     let loaded = session.load(&trace.scene)?;
-    let planted = session.plant(&loaded, variant, &params, None, 1, |_| ())?;
-    let traversal = session.traversal(&planted, &params, false)?;
     let gpu = &session.gpu;
-    let ray_buffer = gpu.upload("rays", &rays)?;
-    let hit_buffer = gpu.buffer("hits", size_of_val(rays.as_slice()) as u64 / 4)?;
-    let start = Queue { count: rays.len() as u32, ..Queue::default() };
-    let queue = gpu.upload("queue", &[start])?;
-    let buffers =
-        Buffers { rays: ray_buffer.address(), hits: hit_buffer.address(), queue: queue.address(), counts: 0 };
+    let plant = session.plant(&loaded, variant, &params, None, 1, |_| ())?;
+    let tree = match &plant {
+        Plant::Planted(planted) => planted.tree,
+        Plant::Seedling(seedling) => seedling.grow_from(gpu, &loaded, &rays)?.tree,
+    };
+    let traversal = session.traversal(&tree, &params, Counting::Nothing)?;
+    let memory = TraceMemory::new(gpu, &rays)?;
     let wave = if trace.primary { Wave::Primary } else { Wave::Secondary };
     let mut times = Vec::new();
     for launch in 0..=trace.launches {
-        queue.write(&[start])?;
+        memory.rewind()?;
         let mut pass = Pass::new(gpu)?;
-        traversal.record(&mut pass, "trace", wave, &planted.tree, &buffers, rays.len());
+        traversal.record(&mut pass, "trace", wave, &tree, &memory.buffers(), rays.len());
         let milliseconds = pass.submit()?.milliseconds("trace");
-        let done: Vec<Queue> = queue.read(0, 1)?;
-        traversal.check(0, &done[0])?;
+        traversal.check(0, &memory.queue()?)?;
         // The first launch may include compilation, and finds the caches cold.
         if launch > 0 {
             times.push(milliseconds);
@@ -339,8 +392,7 @@ pub fn trace(global: &Global, trace: &args::Trace) -> anyhow::Result<()> {
         rate(median),
     ))?;
     if let Some(path) = &trace.hits {
-        let hits = hit_buffer.read(0, rays.len())?;
-        rayfile::write_hits(path, &refined(&loaded, &rays, hits))?;
+        rayfile::write_hits(path, &refined(&loaded, &rays, memory.hits()?))?;
     }
     session.finish()
 }

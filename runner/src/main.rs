@@ -12,6 +12,7 @@ mod run;
 mod session;
 mod table;
 mod telemetry;
+mod validate;
 mod variant;
 
 use args::{Cli, Command};
@@ -27,6 +28,8 @@ fn main() -> ExitCode {
         Command::Render(render) => commands::render(&cli.global, render),
         Command::Rays(rays) => commands::rays(&cli.global, rays),
         Command::Trace(trace) => commands::trace(&cli.global, trace),
+        Command::Variants { json, tuning } => commands::variants(tuning, *json),
+        Command::Validate(validate) => validate::validate(&cli.global, validate),
         Command::Resources { tuning, json } => resources::resources(&cli.global, tuning, *json),
         Command::Schema => commands::schema(),
         Command::Completions { shell } => commands::completions(*shell),

@@ -3,7 +3,13 @@
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use tracer::builder::BuildParams;
+use tracer::{
+    builder::BuildParams,
+    contract::{ContractParams, Contraction, Form},
+    layout::Layout,
+};
+
+use crate::variant::Variant;
 
 /// One field a stage; each stage documents its own.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -15,14 +21,71 @@ pub struct Params {
     pub ploc: tracer::ploc::PlocParams,
     /// Merging of leaves.
     pub collapse: tracer::collapse::CollapseParams,
+    /// Which boxes share a node.
+    pub contract: Contract,
+    /// Sample rays for variants that go by view.
+    pub cbtc: tracer::path::Sampling,
+    /// How nodes are stored.
+    pub layout: tracer::layout::LayoutParams,
     /// Traversal.
     pub trace: tracer::traverse::Params,
 }
 
+/// Contraction: a method for variants that go by area and one for those that go by view.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Contract {
+    /// `sah` or `satc`.
+    pub by_area: Contraction,
+    /// `cbtc` or `rdtc`.
+    pub by_view: Contraction,
+    /// α of `satc` and `rdtc`.
+    pub alpha: f32,
+    /// `auto`, `handover` or `levels`.
+    pub form: Form,
+}
+
+impl Default for Contract {
+    fn default() -> Self {
+        let ContractParams { method, alpha, form } = ContractParams::default();
+        Self { by_area: method, by_view: Contraction::Cbtc, alpha, form }
+    }
+}
+
 impl Params {
-    /// What the builder takes.
-    pub fn build(&self) -> BuildParams {
-        BuildParams { morton: self.morton.clone(), ploc: self.ploc.clone(), collapse: self.collapse.clone() }
+    /// The defaults of a variant.
+    pub fn of(variant: Variant) -> Self {
+        let mut params = Self::default();
+        // Thesis 6.3, table 5: wider nodes are dearer to visit.
+        params.collapse.traversal_cost = match variant.layout {
+            Layout::Binary | Layout::Wide4 | Layout::Quantized4 => 2.0,
+            Layout::Wide6 | Layout::Quantized6 | Layout::Quantized8 => 3.0,
+            Layout::Wide8 => 4.0,
+        };
+        params
+    }
+
+    /// The defaults of a variant with assignments applied.
+    ///
+    /// # Errors
+    /// No such parameter, or a value of the wrong kind or out of range.
+    pub fn with(variant: Variant, assignments: &[String]) -> anyhow::Result<Self> {
+        let mut params = Self::of(variant);
+        params.set(assignments)?;
+        Ok(params)
+    }
+
+    /// What the builder takes for a variant; where that goes by view, this is the last step's.
+    pub fn build(&self, variant: Variant) -> BuildParams {
+        let Contract { by_area, by_view, alpha, form } = self.contract;
+        let method = if variant.by_view { by_view } else { by_area };
+        BuildParams {
+            morton: self.morton.clone(),
+            ploc: self.ploc.clone(),
+            collapse: self.collapse.clone(),
+            contract: ContractParams { method, alpha, form },
+            layout: self.layout.clone(),
+        }
     }
 
     /// Applies assignments such as `collapse.c_t=3`.
@@ -65,14 +128,30 @@ impl Params {
             ("collapse.c_t", f64::from(self.collapse.traversal_cost), 0.0..=1e9),
             ("collapse.c_i", f64::from(self.collapse.intersection_cost), 0.0..=1e9),
             ("collapse.max_leaf", f64::from(self.collapse.max_leaf), 1.0..=16.0),
-            ("trace.fetch_below", f64::from(self.trace.fetch_below), 0.0..=1.0),
+            ("contract.alpha", f64::from(self.contract.alpha), 0.0..=1.0),
+            ("cbtc.depth-limit", f64::from(self.cbtc.depth_limit), 0.0..=63.0),
+            ("cbtc.subsampling", f64::from(self.cbtc.subsampling), 1.0..=1e9),
+            ("trace.primary_fetch_below", f64::from(self.trace.primary_fetch_below), 0.0..=1.0),
+            ("trace.secondary_fetch_below", f64::from(self.trace.secondary_fetch_below), 0.0..=1.0),
             ("trace.postpone_below", f64::from(self.trace.postpone_below), 0.0..=1.0),
+            ("trace.primary_vote", f64::from(self.trace.primary_vote), 0.0..=32.0),
+            ("trace.secondary_vote", f64::from(self.trace.secondary_vote), 0.0..=32.0),
             ("trace.stack", f64::from(self.trace.stack), 1.0..=4096.0),
         ];
         for (name, value, range) in ranges {
             if !range.contains(&value) {
                 bail!("--set: {name} is from {} to {}, not {value}", range.start(), range.end());
             }
+        }
+        let methods = [("by-area", self.contract.by_area, false), ("by-view", self.contract.by_view, true)];
+        for (name, method, by_view) in methods {
+            if method.by_view() != by_view {
+                let fit: Vec<_> = Contraction::ALL.iter().filter(|m| m.by_view() == by_view).collect();
+                bail!("--set: contract.{name} is {} or {}, not {method}", fit[0], fit[1]);
+            }
+        }
+        if ![4, 8, 16].contains(&self.layout.align) {
+            bail!("--set: layout.align is 4, 8 or 16, not {}", self.layout.align);
         }
         Ok(())
     }
@@ -116,6 +195,27 @@ mod tests {
         assert!(params.set(&["trace={}".into()]).is_err());
         let error = params.set(&["morton.bits=22".into()]).unwrap_err().to_string();
         assert!(error.contains("morton.bits is from 1 to 21"), "{error}");
+        assert!(
+            params.set(&["contract.by-area=cbtc".into()]).unwrap_err().to_string().contains("sah or satc")
+        );
+        assert!(params.set(&["contract.by-view=best".into()]).is_err());
+        assert!(params.set(&["layout.align=12".into()]).is_err());
         assert_eq!(params, Params::default());
+    }
+
+    #[test]
+    fn what_is_set_wins_over_what_a_variant_has() {
+        let wide8 = Variant::one("Wide8").unwrap();
+        assert_eq!(Params::of(wide8).collapse.traversal_cost, 4.0);
+        let set = Params::with(wide8, &["collapse.c_t=2".into(), "cbtc.depth-limit=2".into()]).unwrap();
+        assert_eq!((set.collapse.traversal_cost, set.cbtc.depth_limit), (2.0, 2));
+    }
+
+    #[test]
+    fn a_variant_takes_the_method_of_its_kind() {
+        let params = Params::default();
+        assert_eq!(params.build(Variant::BINARY).contract.method, Contraction::Sah);
+        let by_view = Variant::one("Wide4 CBTC").unwrap();
+        assert_eq!(params.build(by_view).contract.method, Contraction::Cbtc);
     }
 }

@@ -11,8 +11,8 @@ use crate::{
 use comfy_table::Table;
 use serde::Serialize;
 use tracer::{
-    gpu::{DeviceInfo, Limit, MultiprocessorLimits, Resources, Statistic, UnknownLimits},
-    traverse::{Traversal, Wave},
+    gpu::{DeviceInfo, Kernel, Limit, MultiprocessorLimits, Resources, Statistic, UnknownLimits},
+    traverse::{Counting, Traversal, Tree, Wave},
 };
 
 /// The kernels of a variant, and what each is launched for.
@@ -20,11 +20,12 @@ const PURPOSES: [(Wave, &str); 2] = [(Wave::Primary, "primary"), (Wave::Secondar
 
 /// The kernels that traced a point's rays, for the record.
 pub fn recorded(traversal: &Traversal) -> Vec<record::Kernel> {
-    let kernels = PURPOSES.iter().map(|&(wave, purpose)| {
-        let kernel = traversal.kernel(wave);
-        of_record(kernel.name(), purpose, &kernel.resources())
-    });
-    kernels.collect()
+    PURPOSES.iter().map(|&(wave, purpose)| recorded_as(traversal.kernel(wave), purpose)).collect()
+}
+
+/// One kernel for the record.
+pub fn recorded_as(kernel: &Kernel, purpose: &str) -> record::Kernel {
+    of_record(kernel.name(), purpose, &kernel.resources())
 }
 
 fn of_record(name: &str, purpose: &str, takes: &Resources) -> record::Kernel {
@@ -50,13 +51,15 @@ fn of_record(name: &str, purpose: &str, takes: &Resources) -> record::Kernel {
 
 /// `runner resources`.
 pub fn resources(global: &Global, tuning: &Tuning, json: bool) -> anyhow::Result<()> {
-    let mut params = Params::default();
-    params.set(&tuning.set)?;
     let session = Session::open(global)?;
     let info = session.gpu.info();
     let mut report = Report::new(info);
-    for &variant in Variant::ALL {
-        let traversal = Traversal::new(&session.gpu, &params.trace, 0, false)?;
+    // Those that go by view are traced by the same kernels.
+    for &variant in Variant::ALL.iter().filter(|v| !v.by_view) {
+        let params = Params::with(variant, &tuning.set)?;
+        let (layout, stride) = (variant.layout, variant.layout.stride(&params.layout));
+        let no_tree = Tree { nodes: 0, triangles: 0, layout, stride, stack: 0, extent: 0.0 };
+        let traversal = session.traversal(&no_tree, &params, Counting::Nothing)?;
         for (wave, purpose) in PURPOSES {
             let kernel = traversal.kernel(wave);
             report.kernels.push(Row {

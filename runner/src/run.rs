@@ -7,14 +7,14 @@ use crate::{
     params::Params,
     progress::{bar, remark},
     resources,
-    session::{Loaded, Planted, Session, interrupted, watch_for_interrupts},
+    session::{Loaded, Plant, Seedling, Session, interrupted, watch_for_interrupts},
     table,
     telemetry::Telemetry,
     variant::Variant,
 };
 use anyhow::Context;
 use indicatif::ProgressBar;
-use record::{Build, Count, Counters, Launch, Phase, Point, Record, Repetition, Source};
+use record::{Adaptation, Build, Count, Counters, Launch, Phase, Point, Record, Repetition, Source};
 use std::{
     collections::BTreeMap,
     path::Path,
@@ -24,9 +24,9 @@ use tracer::{
     builder::BuildReport,
     gpu::{DeviceInfo, DeviceKind, shaders},
     measure::tree::TreeStats,
-    path::{self, Camera, PathTracer},
+    path::{self, Camera, PathTracer, SingleKernel},
     scene::{Origin, Scene, View},
-    traverse::Traversal,
+    traverse::{self, Counting, Traversal, Tree},
 };
 
 /// Measures what the command line asks for.
@@ -35,8 +35,8 @@ use tracer::{
 /// Anything that keeps a scene from being measured; what was measured before is in the record.
 pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     let variants = Variant::select(&run.variant)?;
-    let mut params = Params::default();
-    params.set(&run.tuning.set)?;
+    let params: Vec<Params> =
+        variants.iter().map(|&v| Params::with(v, &run.tuning.set)).collect::<anyhow::Result<_>>()?;
     watch_for_interrupts()?;
     let session = Session::open(global)?;
     let cpu = session.gpu.info().kind == DeviceKind::Cpu;
@@ -52,7 +52,6 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
         warm_up_time: if cpu { Duration::ZERO } else { WARM_UP_TIME },
         builds: run.builds.unwrap_or(if cpu { 3 } else { 10 }),
         path: path::Params { depth: run.depth, seed: run.seed },
-        params,
     };
     let info = session.gpu.info();
     let telemetry = Telemetry::open(info.vendor_id, uuid_bytes(&info.uuid), info.pci.as_deref());
@@ -71,9 +70,7 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
         },
     );
     record.shaders = shaders::ALL.iter().map(|s| (s.name.to_owned(), s.sha256())).collect();
-    for (stage, value) in serde_json::to_value(&plan.params)?.as_object().into_iter().flatten() {
-        record.parameters.add(stage, value)?;
-    }
+    record.parameters = flattened(&params[0])?;
 
     let bar = bar(0, session.quiet);
     let mut writer = Writer { record, output: run.output.as_deref() };
@@ -89,7 +86,7 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
             }
             None => (0..loaded.scene.views.len()).collect(),
         };
-        for &variant in &variants {
+        for (&variant, params) in variants.iter().zip(&params) {
             // The time left is an estimate: the scenes to come are taken to have as many views as this one.
             let steps = views.len() as u64 * u64::from(plan.warm_up + plan.samples + 1);
             bar.set_length(bar.position() + points_left * steps);
@@ -99,6 +96,7 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
                 telemetry: &telemetry,
                 loaded: &loaded,
                 variant,
+                params,
                 plan: &plan,
                 bar: &bar,
             };
@@ -135,7 +133,15 @@ struct Plan {
     warm_up_time: Duration,
     builds: u32,
     path: path::Params,
-    params: Params,
+}
+
+/// All parameters by their dotted names.
+fn flattened(params: &Params) -> anyhow::Result<record::Parameters> {
+    let mut flat = record::Parameters::default();
+    for (stage, value) in serde_json::to_value(params)?.as_object().into_iter().flatten() {
+        flat.add(stage, value)?;
+    }
+    Ok(flat)
 }
 
 /// A GPU lowers its clocks within a second of idling, while the host loads a scene or reads counters back,
@@ -163,8 +169,58 @@ struct Measuring<'a> {
     telemetry: &'a Telemetry,
     loaded: &'a Loaded,
     variant: Variant,
+    params: &'a Params,
     plan: &'a Plan,
     bar: &'a ProgressBar,
+}
+
+/// The traversal kernels of a variant: those that are timed, and those that count.
+struct Kernels {
+    timed: Timed,
+    counting: Traversal,
+}
+
+/// How paths are traced while they are timed.
+enum Timed {
+    Separate(Traversal),
+    Single(SingleKernel),
+}
+
+impl Kernels {
+    fn new(session: &Session, tree: &Tree, params: &Params) -> anyhow::Result<Self> {
+        let timed = match params.trace.kernels {
+            traverse::Kernels::Separate => {
+                Timed::Separate(session.traversal(tree, params, Counting::Nothing)?)
+            }
+            traverse::Kernels::Single => Timed::Single(SingleKernel::new(&session.gpu, &params.trace, tree)?),
+        };
+        Ok(Self { timed, counting: session.traversal(tree, params, Counting::Rays)? })
+    }
+
+    /// Entries of the traversal stack they were compiled with.
+    fn stack(&self) -> u32 {
+        self.counting.stack()
+    }
+
+    fn recorded(&self) -> Vec<record::Kernel> {
+        match &self.timed {
+            Timed::Separate(traversal) => resources::recorded(traversal),
+            Timed::Single(single) => vec![resources::recorded_as(single.kernel(), "all")],
+        }
+    }
+
+    fn sample(
+        &self,
+        tracer: &PathTracer<'_>,
+        tree: &Tree,
+        camera: &Camera,
+        sample: u32,
+    ) -> Result<path::Sample, tracer::Error> {
+        match &self.timed {
+            Timed::Separate(traversal) => tracer.sample(traversal, tree, camera, sample),
+            Timed::Single(single) => tracer.sample_in_one(single, tree, camera, sample),
+        }
+    }
 }
 
 impl Measuring<'_> {
@@ -174,26 +230,26 @@ impl Measuring<'_> {
         self.bar.set_message(format!("{}, {}: building", scene.name, self.variant));
         let mut repetitions = Vec::new();
         let warm_up = (plan.warm_up > 0).then_some(plan.warm_up_time);
-        let planted =
-            self.session.plant(self.loaded, self.variant, &plan.params, warm_up, plan.builds, |report| {
+        let plant =
+            self.session.plant(self.loaded, self.variant, self.params, warm_up, plan.builds, |report| {
                 repetitions.push(repetition(report));
             })?;
+        let mut own = flattened(self.params)?;
+        own.0.retain(|name, value| writer.record.parameters.get(name) != Some(value));
         writer.record.results.push(Point {
             scene: described(scene),
             variant: self.variant.to_string(),
-            parameters: record::Parameters::default(),
+            parameters: own,
             build: Build { repetitions },
-            tree: tree(&planted.statistics),
+            tree: tree(plant.statistics()),
             kernels: Vec::new(),
             views: Vec::new(),
         });
 
-        let timed = self.session.traversal(&planted, &plan.params, false)?;
-        let counting = self.session.traversal(&planted, &plan.params, true)?;
-        writer.record.results.last_mut().expect("pushed above").kernels = resources::recorded(&timed);
         let size = (plan.size.width, plan.size.height);
         let tracer = PathTracer::new(&self.session.gpu, &self.loaded.device, size, &plan.path, true)?;
         tracer.clear()?;
+        let mut kernels: Option<Kernels> = None;
         for (done, &view) in views.iter().enumerate() {
             self.bar.set_message(format!(
                 "{}, {}, view {} of {}: {}",
@@ -203,10 +259,26 @@ impl Measuring<'_> {
                 views.len(),
                 scene.views[view].name
             ));
-            let measured = self.view(&scene.views[view], &tracer, &timed, &counting, &planted)?;
+            let view = &scene.views[view];
+            let started = Instant::now();
+            let camera = Camera::new(view, plan.size.width, plan.size.height);
+            let (tree, adaptation) = match &plant {
+                Plant::Planted(planted) => (planted.tree, None),
+                Plant::Seedling(seedling) => {
+                    let (tree, adaptation) = self.adapt(seedling, &tracer, &camera)?;
+                    (tree, Some(adaptation))
+                }
+            };
+            // Trees of different views may need stacks of different size.
+            let kernels = match &mut kernels {
+                Some(kernels) if tree.stack <= kernels.stack() => kernels,
+                kernels => kernels.insert(Kernels::new(self.session, &tree, self.params)?),
+            };
+            let measured = self.view(view, started, &tracer, kernels, &tree, &camera)?;
             let point = writer.record.results.last_mut().expect("pushed above");
+            point.kernels = kernels.recorded();
             if let Some(measured) = measured {
-                point.views.push(measured);
+                point.views.push(record::View { adaptation, ..measured });
                 writer.write()?;
             }
             if interrupted() {
@@ -219,21 +291,45 @@ impl Measuring<'_> {
         Ok(())
     }
 
-    /// `None` when the user interrupted it.
+    /// Makes the tree of a view as often as trees are built, after warming up as long as that.
+    fn adapt(
+        &self,
+        seedling: &Seedling,
+        tracer: &PathTracer<'_>,
+        camera: &Camera,
+    ) -> anyhow::Result<(Tree, Adaptation)> {
+        let plan = self.plan;
+        let grow = || seedling.grow(self.loaded, tracer, camera);
+        let started = Instant::now();
+        let mut grown = grow()?;
+        while plan.warm_up > 0 && started.elapsed() < plan.warm_up_time {
+            grown = grow()?;
+        }
+        let mut sampling_milliseconds = Vec::new();
+        let mut repetitions = Vec::new();
+        for _ in 0..plan.builds {
+            grown = grow()?;
+            sampling_milliseconds.push(grown.sampling_milliseconds);
+            repetitions.push(repetition(&grown.build));
+        }
+        let tree = tree(&seedling.measure(&grown)?);
+        Ok((grown.tree, Adaptation { sampling_milliseconds, build: Build { repetitions }, tree }))
+    }
+
+    /// `None` when the user interrupted it. The device has been busy since `started`.
     fn view(
         &self,
         view: &View,
+        started: Instant,
         tracer: &PathTracer<'_>,
-        timed: &Traversal,
-        counting: &Traversal,
-        planted: &Planted,
+        kernels: &Kernels,
+        tree: &Tree,
+        camera: &Camera,
     ) -> anyhow::Result<Option<record::View>> {
         let plan = self.plan;
-        let camera = Camera::new(view, plan.size.width, plan.size.height);
-        let started = Instant::now();
         let mut warmed = 0;
         while warmed < plan.warm_up || (plan.warm_up > 0 && started.elapsed() < plan.warm_up_time) {
-            tracer.sample(timed, &planted.tree, &camera, u32::MAX - warmed)?;
+            kernels.sample(tracer, tree, camera, u32::MAX - warmed)?;
             warmed += 1;
         }
         self.bar.inc(u64::from(plan.warm_up));
@@ -243,13 +339,13 @@ impl Measuring<'_> {
             if interrupted() {
                 return Ok(None);
             }
-            let measured = tracer.sample(timed, &planted.tree, &camera, sample)?;
+            let measured = kernels.sample(tracer, tree, camera, sample)?;
             let depths = measured.waves.iter().map(|w| Launch { rays: w.rays, milliseconds: w.milliseconds });
             samples.push(record::Sample { depths: depths.collect() });
             self.bar.inc(1);
         }
         let after = self.telemetry.sample();
-        let counts = tracer.count(counting, &planted.tree, &camera, 0)?;
+        let counts = tracer.count(&kernels.counting, tree, camera, 0)?;
         let depths = counts.iter().map(|c| Count {
             rays: c.rays,
             nodes: c.nodes,
@@ -260,6 +356,7 @@ impl Measuring<'_> {
         self.bar.inc(1);
         Ok(Some(record::View {
             name: view.name.clone(),
+            adaptation: None,
             samples,
             counters: Some(counters),
             before,
@@ -276,11 +373,18 @@ fn repetition(report: &BuildReport) -> Repetition {
         ("sort", took.sort),
         ("ploc", took.ploc),
         ("collapse", took.collapse),
-        ("rearrange", took.rearrange),
+        ("contract", took.contract),
+        ("layout", took.layout),
     ];
+    // A tree for a view is made of one that is there: its first phases take no part.
+    let took_part = |(_, milliseconds): &(&str, f64)| *milliseconds > 0.0;
     Repetition {
         milliseconds: took.total,
-        phases: phases.map(|(name, milliseconds)| Phase { name: name.into(), milliseconds }).to_vec(),
+        phases: phases
+            .into_iter()
+            .filter(took_part)
+            .map(|(name, milliseconds)| Phase { name: name.into(), milliseconds })
+            .collect(),
     }
 }
 

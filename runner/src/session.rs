@@ -7,13 +7,15 @@ use std::{
     time::{Duration, Instant},
 };
 use tracer::{
-    builder::{BuildReport, Builder},
-    gpu::{Buffer, Gpu, Options},
-    layout::binary::{Binary, BinaryNode},
+    builder::{BuildReport, BuildWorkspace, Builder, Summary, WideWorkspace, Widen},
+    contract::{VisitCounter, Visits},
+    gpu::{Buffer, Gpu, Options, Pass},
+    layout::Layout,
     measure::tree::{TreeStats, stats},
-    path::DeviceScene,
+    path::{Camera, DeviceScene, PathTracer},
     scene::{self, Scene, SearchPath},
-    traverse::{Traversal, Tree},
+    traverse::{Buffers, Counting, Hit, Queue, Ray, Traversal, Tree, Wave},
+    with_layout,
 };
 
 /// An open device and where scenes are found.
@@ -33,8 +35,169 @@ pub struct Loaded {
 pub struct Planted {
     pub tree: Tree,
     pub statistics: TreeStats,
-    _nodes: Buffer,
-    _triangles: Buffer,
+    _memory: WideWorkspace,
+}
+
+/// A binary tree to which variants that go by view return for every view: what sample rays are traced
+/// through, and what the tree of a view is made of.
+pub struct Seedling {
+    variant: Variant,
+    params: Params,
+    workspace: BuildWorkspace,
+    tree: Tree,
+    sampler: Traversal,
+    visits: VisitCounter,
+    widen: Widen,
+    wide: WideWorkspace,
+    /// Of the binary tree.
+    pub statistics: TreeStats,
+}
+
+/// The tree of one view.
+pub struct Grown {
+    pub tree: Tree,
+    pub summary: Summary,
+    /// From clearing the visit counts to having them, in milliseconds.
+    pub sampling_milliseconds: f64,
+    /// Contraction and layout.
+    pub build: BuildReport,
+}
+
+/// What a first build leaves.
+pub enum Plant {
+    /// One tree for all views.
+    Planted(Box<Planted>),
+    /// A tree for each view is still to be made.
+    Seedling(Box<Seedling>),
+}
+
+impl Plant {
+    /// Of the tree that the first build made.
+    pub fn statistics(&self) -> &TreeStats {
+        match self {
+            Self::Planted(planted) => &planted.statistics,
+            Self::Seedling(seedling) => &seedling.statistics,
+        }
+    }
+}
+
+impl Seedling {
+    /// Traces sample rays from a view and makes its tree. What [`Seedling::grow`] made before is lost.
+    ///
+    /// # Errors
+    /// The device failed.
+    pub fn grow(&self, loaded: &Loaded, tracer: &PathTracer<'_>, camera: &Camera) -> anyhow::Result<Grown> {
+        let sampling = &self.params.cbtc;
+        let (sampler, workspace) = (&self.sampler, &self.workspace);
+        let milliseconds =
+            tracer.sample_visits(sampler, &self.tree, camera, sampling, workspace, &self.visits)?;
+        self.widen(loaded, milliseconds)
+    }
+
+    /// The same with every s-th of `rays` for sample rays.
+    ///
+    /// # Errors
+    /// The device failed.
+    pub fn grow_from(&self, gpu: &Gpu, loaded: &Loaded, rays: &[Ray]) -> anyhow::Result<Grown> {
+        let sample: Vec<Ray> = rays.iter().step_by(self.params.cbtc.subsampling as usize).copied().collect();
+        let memory = TraceMemory::new(gpu, &sample)?;
+        let mut pass = Pass::new(gpu)?;
+        pass.scope("sampling", |pass| {
+            self.visits.clear(pass);
+            let buffers = Buffers { visits: self.visits.by_node.address(), ..memory.buffers() };
+            self.sampler.record(pass, "trace", Wave::Secondary, &self.tree, &buffers, sample.len());
+            self.workspace.record_visits(pass, &self.visits);
+        });
+        let milliseconds = pass.submit()?.milliseconds("sampling");
+        self.sampler.check(0, &memory.queue()?)?;
+        self.widen(loaded, milliseconds)
+    }
+
+    fn widen(&self, loaded: &Loaded, sampling_milliseconds: f64) -> anyhow::Result<Grown> {
+        let Loaded { device, scene } = loaded;
+        let visits = Visits { counts: &self.visits.by_inner, threshold: self.params.cbtc.threshold };
+        let build = self
+            .widen
+            .build(&self.workspace, &self.wide, &device.positions, device.triangles, Some(visits))
+            .with_context(|| format!("building {} for {}", self.variant, scene.name))?;
+        let summary = build.summary;
+        Ok(Grown { tree: self.wide.tree(&summary, device.extent), summary, sampling_milliseconds, build })
+    }
+
+    /// Statistics of the tree that was grown last.
+    ///
+    /// # Errors
+    /// A transfer failed.
+    pub fn measure(&self, grown: &Grown) -> anyhow::Result<TreeStats> {
+        measure(self.variant.layout, &self.wide, &grown.summary, &self.params)
+    }
+}
+
+fn measure(
+    layout: Layout,
+    memory: &WideWorkspace,
+    summary: &Summary,
+    params: &Params,
+) -> anyhow::Result<TreeStats> {
+    with_layout!(layout, L => {
+        let nodes = memory.read_nodes::<L>(summary.nodes as usize)?;
+        Ok(stats::<L>(&nodes, layout.stride(&params.layout), &params.collapse))
+    })
+}
+
+/// Rays, hits and their queue in device memory, for a launch over rays from elsewhere.
+pub struct TraceMemory {
+    rays: Buffer,
+    hits: Buffer,
+    queue: Buffer,
+    count: usize,
+}
+
+impl TraceMemory {
+    /// Copies rays to the device.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn new(gpu: &Gpu, rays: &[Ray]) -> anyhow::Result<Self> {
+        let memory = Self {
+            rays: gpu.upload("rays", rays)?,
+            hits: gpu.buffer("hits", (size_of::<Hit>() * rays.len()) as u64)?,
+            queue: gpu.buffer("queue", size_of::<Queue>() as u64)?,
+            count: rays.len(),
+        };
+        memory.rewind()?;
+        Ok(memory)
+    }
+
+    /// Makes all rays wait to be traced again.
+    ///
+    /// # Errors
+    /// A transfer failed.
+    pub fn rewind(&self) -> anyhow::Result<()> {
+        Ok(self.queue.write(&[Queue { count: self.count as u32, ..Queue::default() }])?)
+    }
+
+    /// For a launch that counts nothing.
+    pub fn buffers(&self) -> Buffers {
+        let (rays, hits) = (self.rays.address(), self.hits.address());
+        Buffers { rays, hits, queue: self.queue.address(), counts: 0, visits: 0 }
+    }
+
+    /// How far the rays have come.
+    ///
+    /// # Errors
+    /// A transfer failed.
+    pub fn queue(&self) -> anyhow::Result<Queue> {
+        Ok(self.queue.read(0, 1)?[0])
+    }
+
+    /// What they hit.
+    ///
+    /// # Errors
+    /// A transfer failed.
+    pub fn hits(&self) -> anyhow::Result<Vec<Hit>> {
+        Ok(self.hits.read(0, self.count)?)
+    }
 }
 
 impl Session {
@@ -79,8 +242,9 @@ impl Session {
         Ok(Loaded { scene, device })
     }
 
-    /// Builds a tree `repetitions` times in the same memory and keeps the last; `each` sees every build.
-    /// Before them come builds that it does not see: one, and more until `warm_up` has passed.
+    /// Makes a variant's first build `repetitions` times in the same memory and keeps the last; `each` sees
+    /// every build. Before them come builds that it does not see: one, and more until `warm_up` has passed.
+    /// For a variant that goes by view the first build is that of the binary tree.
     ///
     /// # Errors
     /// Too little memory, or a parameter out of range.
@@ -92,11 +256,12 @@ impl Session {
         warm_up: Option<Duration>,
         repetitions: u32,
         mut each: impl FnMut(&BuildReport),
-    ) -> anyhow::Result<Planted> {
-        let Variant::Binary = variant;
+    ) -> anyhow::Result<Plant> {
         let context = || format!("building {variant} for {}", loaded.scene.name);
-        let count = loaded.device.triangles;
-        let builder = Builder::new(&self.gpu, &params.build()).with_context(context)?;
+        let (count, extent) = (loaded.device.triangles, loaded.device.extent);
+        let first =
+            Variant { layout: if variant.by_view { Layout::Binary } else { variant.layout }, by_view: false };
+        let builder = Builder::new(&self.gpu, &params.build(first), first.layout).with_context(context)?;
         let workspace = builder.workspace(count).with_context(context)?;
         let build =
             || builder.build(&workspace, &loaded.device.positions, count, false).with_context(context);
@@ -114,25 +279,33 @@ impl Session {
             summary = Some(report.summary);
         }
         let summary = summary.expect("at least one repetition");
-        // The rest of the workspace, several times the tree, is freed here.
-        let (nodes, triangles) = (workspace.nodes, workspace.triangles);
-        let tree = Tree {
-            nodes: nodes.address(),
-            triangles: triangles.address(),
-            depth: summary.depth,
-            extent: loaded.device.extent,
-        };
-        let read: Vec<BinaryNode> = nodes.read(0, summary.nodes as usize)?;
-        let statistics = stats::<Binary>(&read, &params.collapse);
-        Ok(Planted { tree, statistics, _nodes: nodes, _triangles: triangles })
+        let statistics = measure(first.layout, &workspace.wide, &summary, params)?;
+        let tree = workspace.wide.tree(&summary, extent);
+        if !variant.by_view {
+            // The rest of the workspace, several times the tree, is freed here.
+            let planted = Planted { tree, statistics, _memory: workspace.wide };
+            return Ok(Plant::Planted(Box::new(planted)));
+        }
+        let widen = Widen::new(&self.gpu, &params.build(variant), variant.layout).with_context(context)?;
+        Ok(Plant::Seedling(Box::new(Seedling {
+            variant,
+            params: params.clone(),
+            sampler: self.traversal(&tree, params, Counting::Visits)?,
+            visits: VisitCounter::new(&self.gpu, count).with_context(context)?,
+            wide: widen.workspace(count).with_context(context)?,
+            widen,
+            workspace,
+            tree,
+            statistics,
+        })))
     }
 
     /// The traversal kernels for a tree.
     ///
     /// # Errors
     /// A workgroup size the device cannot run.
-    pub fn traversal(&self, planted: &Planted, params: &Params, counting: bool) -> anyhow::Result<Traversal> {
-        Ok(Traversal::new(&self.gpu, &params.trace, planted.tree.depth, counting)?)
+    pub fn traversal(&self, tree: &Tree, params: &Params, counting: Counting) -> anyhow::Result<Traversal> {
+        Ok(Traversal::new(&self.gpu, &params.trace, tree, counting)?)
     }
 
     /// Fails when the validation layer has complained.

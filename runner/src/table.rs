@@ -1,65 +1,104 @@
 //! The record as a table on the terminal.
 
+use crate::variant::Variant;
 use comfy_table::{CellAlignment, Table};
 use record::{Point, Record};
 use std::fmt::Write;
 
-/// Rates, costs and build times of every point, and what the columns mean.
+/// Rates, costs and build times of every point, which variant wins and why, and what the columns mean.
 pub fn summary(record: &Record) -> String {
-    let mut rates = table(&[
-        "scene",
-        "triangles",
-        "variant",
-        "build ms",
-        "pMRps",
-        "sMRps",
-        "nodes",
-        "boxes",
-        "tris",
-        "SAH",
-        "MiB",
-    ]);
+    let many = record.results.iter().any(|p| p.variant != record.results[0].variant);
+    let mut header = vec!["scene", "variant", "build ms", "pMRps", "sMRps", "nodes", "boxes", "tris", "SAH"];
+    header.extend(["MiB", "B/ray"]);
+    if many {
+        // Beside the rates and the nodes, what they are of Binary's.
+        header.insert(6, "×");
+        header.insert(5, "×");
+        header.insert(4, "×");
+    }
+    let mut rates = table(&header);
+    let mut scene = "";
     for point in &record.results {
-        let cost = point.counters().and_then(|c| c.all().per_ray());
-        rates.add_row([
-            point.scene.name.clone(),
-            thousands(point.scene.triangles),
+        let reference = reference(record, point);
+        let per_ray = |point: &Point| point.counters().and_then(|c| c.all().per_ray());
+        let cost = per_ray(point);
+        let share = |of: fn(&Point) -> Option<f64>| {
+            let (own, its) = (of(point)?, of(reference?)?);
+            Some(format!("{:.2}", own / its)).filter(|_| its > 0.0)
+        };
+        let nodes = |point: &Point| point.counters().and_then(|c| c.all().per_ray()).map(|c| c.nodes);
+        let build = match (point.sampling_milliseconds(), point.build_milliseconds()) {
+            (Some(sampling), Some(build)) => format!("{} + {}", short(sampling), short(build)),
+            (_, build) => number(build),
+        };
+        let mut row = vec![
+            // A scene's name once: its variants stand below each other.
+            if point.scene.name == scene { String::new() } else { point.scene.name.clone() },
             point.variant.clone(),
-            number(point.build.median_milliseconds()),
+            build,
             number(point.primary_mrps()),
             number(point.secondary_mrps()),
             number(cost.map(|c| c.nodes)),
             number(cost.map(|c| c.boxes)),
             number(cost.map(|c| c.triangles)),
-            number(Some(point.tree.sah_cost)),
-            number(Some((point.tree.node_bytes + point.tree.triangle_bytes) as f64 / 1048576.0)),
-        ]);
+            number(Some(point.of_trees(|t| t.sah_cost))),
+            number(Some(point.of_trees(|t| (t.node_bytes + t.triangle_bytes) as f64 / 1048576.0))),
+            bytes(point).map_or_else(|| "–".into(), |b| format!("{b:.0}")),
+        ];
+        if many {
+            let dash = || "–".to_owned();
+            row.insert(6, share(nodes).unwrap_or_else(dash));
+            row.insert(5, share(Point::secondary_mrps).unwrap_or_else(dash));
+            row.insert(4, share(Point::primary_mrps).unwrap_or_else(dash));
+        }
+        rates.add_row(row);
+        scene = &point.scene.name;
     }
-    align(&mut rates, &[0, 2]);
+    align(&mut rates, &[0, 1]);
 
     let mut text = shown(&rates);
-    let names: Vec<String> = record
-        .results
-        .first()
-        .map(|p| p.build.mean_phases().iter().map(|(name, _)| (*name).to_owned()).collect())
-        .unwrap_or_default();
+    if many {
+        text += "\n\nFastest";
+        for verdict in winners(record) {
+            let _ = write!(text, "\n{verdict}");
+        }
+    }
+    let mut names: Vec<&str> = Vec::new();
+    for point in &record.results {
+        for (name, _) in point.build.mean_phases() {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+    }
     if !names.is_empty() {
         let mut header = vec!["scene", "variant"];
-        header.extend(names.iter().map(String::as_str));
+        header.extend(&names);
         let mut build = table(&header);
         for point in &record.results {
             build.add_row(phases(point, &names));
         }
         align(&mut build, &[0, 1]);
         let _ = write!(text, "\n\nBuild by phase, ms\n{}", shown(&build));
+        if record.results.iter().any(|p| p.sampling_milliseconds().is_some()) {
+            text += "\nOf variants that go by view: the first build, whose tree the sample rays go through.";
+        }
     }
+    let triangles: Vec<String> = record.results.iter().fold(Vec::new(), |mut all, point| {
+        let one = format!("{} {}", point.scene.name, thousands(point.scene.triangles));
+        if !all.contains(&one) {
+            all.push(one);
+        }
+        all
+    });
     let _ = write!(
         text,
         "\n\npMRps, sMRps: million primary and secondary rays a second by the traversal kernel's time alone; mean of\n\
          {} a view. nodes, boxes, tris: inner nodes visited, boxes and triangles tested a ray, over\n\
-         all rays of a path. SAH: the tree's cost by the surface area heuristic. MiB: its nodes and triangles.\n\
-         build ms: median, from triangles in device memory to nodes that can be traversed.\n\
-         {} × {} pixels, at most {} rays a path, on {}.",
+         all rays of a path; ×: relative to Binary. SAH: the tree's cost by the surface area heuristic. MiB: its\n\
+         nodes and triangles. B/ray: bytes of nodes and triangles a ray asks for. build ms: median, from\n\
+         triangles in device memory to nodes that can be traversed; by view: tracing sample rays + both builds.\n\
+         {} × {} pixels, at most {} rays a path, on {}. Triangles: {}.",
         match record.run.samples {
             1 => "one sample".to_owned(),
             n => format!("{n} samples"),
@@ -67,12 +106,69 @@ pub fn summary(record: &Record) -> String {
         record.run.width,
         record.run.height,
         record.run.depth,
-        record.device.name
+        record.device.name,
+        triangles.join(", ")
     );
     text
 }
 
-fn phases(point: &Point, names: &[String]) -> Vec<String> {
+/// The point of the same scene that others are compared with.
+fn reference<'r>(record: &'r Record, point: &Point) -> Option<&'r Point> {
+    record.results.iter().find(|p| p.scene.name == point.scene.name && p.variant == Variant::BINARY.name())
+}
+
+/// Bytes of nodes and triangles that a ray asks for, whichever cache they come from.
+fn bytes(point: &Point) -> Option<f64> {
+    let cost = point.counters()?.all().per_ray()?;
+    let node = point.of_trees(|t| t.node_bytes as f64 / t.nodes.max(1) as f64);
+    let triangle = point.of_trees(|t| t.triangle_bytes as f64) / (point.scene.triangles.max(1) as f64);
+    Some(cost.nodes * node + cost.triangles * triangle)
+}
+
+/// One line for each scene and kind of rays: which variant is fastest, and what differs from Binary.
+fn winners(record: &Record) -> Vec<String> {
+    let mut lines = Vec::new();
+    let mut scenes: Vec<&str> = record.results.iter().map(|p| p.scene.name.as_str()).collect();
+    scenes.dedup();
+    for scene in scenes {
+        for (rays, rate) in [
+            ("primary", Point::primary_mrps as fn(&Point) -> Option<f64>),
+            ("secondary", Point::secondary_mrps as fn(&Point) -> Option<f64>),
+        ] {
+            let points = record.results.iter().filter(|p| p.scene.name == scene);
+            let best = points.filter_map(|p| Some((p, rate(p)?))).max_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((best, fastest)) = best else { continue };
+            let mut line =
+                format!("{scene}, {rays} rays: {} with {} MRps", best.variant, number(Some(fastest)));
+            if let Some(binary) = reference(record, best).filter(|b| b.variant != best.variant)
+                && let (Some(slower), Some(own), Some(its)) = (rate(binary), bytes(best), bytes(binary))
+                && let (Some(a), Some(b)) = (best.counters(), binary.counters())
+                && let (Some(a), Some(b)) = (a.all().per_ray(), b.all().per_ray())
+            {
+                let _ = write!(
+                    line,
+                    ", {:.2} times Binary:\n    {:.2} of its nodes, {:.2} of its boxes and {:.2} of its triangles a ray, \
+                     {:.2} of its bytes",
+                    fastest / slower,
+                    a.nodes / b.nodes,
+                    a.boxes / b.boxes,
+                    a.triangles / b.triangles.max(f64::MIN_POSITIVE),
+                    own / its
+                );
+            }
+            lines.push(line);
+        }
+    }
+    lines
+}
+
+/// Three significant digits, where two numbers share a column.
+fn short(x: f64) -> String {
+    let digits = (2 - x.abs().max(1e-3).log10().floor() as i32).clamp(0, 3);
+    format!("{x:.*}", digits as usize)
+}
+
+fn phases(point: &Point, names: &[&str]) -> Vec<String> {
     let mut row = vec![point.scene.name.clone(), point.variant.clone()];
     let means = point.build.mean_phases();
     row.extend(names.iter().map(|name| number(means.iter().find(|(n, _)| n == name).map(|(_, ms)| *ms))));
@@ -150,6 +246,7 @@ mod tests {
             assert!(text.contains(&point.scene.name) && text.contains(&point.variant), "{text}");
         }
         assert!(text.contains("pMRps"));
+        assert!(text.contains("sponza, secondary rays: Binary with"), "{text}");
         for line in text.lines() {
             assert!(line.chars().count() <= 120, "{line}");
             assert!(!line.ends_with("──") || line.starts_with('─'), "{line}");

@@ -101,7 +101,7 @@ fn a_run_writes_a_valid_record_and_a_table() {
     assert_eq!(record.results.len(), 2);
     for point in &record.results {
         assert_eq!(point.build.repetitions.len(), 1);
-        assert!(point.build.repetitions[0].phases.len() == 5);
+        assert!(point.build.repetitions[0].phases.len() == 6);
         assert!(point.tree.average_triangles_per_leaf <= 4.0);
         assert_eq!(point.views.len(), 3);
         for view in &point.views {
@@ -415,4 +415,79 @@ fn a_real_scene_is_traced_as_by_brute_force() {
     let scene = scene::load("sponza", &SearchPath::only([at.clone()])).unwrap();
     let more = format!("--scene-dir {}", fs::canonicalize(at).unwrap().display());
     assert!(rays_and_hits(here.path(), "sponza", &more, &scene, 1, 20) > 4000);
+}
+
+#[test]
+fn every_variant_is_measured_and_compared() {
+    let here = folder();
+    let line = "run sphereflake:triangles=2000 --variant all --samples 1 --size 48x27 --views 0-1 --builds 1 \
+                --depth 3 --set cbtc.threshold=1 --set cbtc.depth-limit=2 --set cbtc.subsampling=10 --validate \
+                -o x.json";
+    let output = works(here.path(), line);
+    let table = text(&output.stdout);
+    let record = valid(&here.path().join("x.json"));
+    assert_eq!(record.results.len(), 13);
+    assert!(table.contains("secondary rays: "), "{table}");
+    for point in &record.results {
+        assert!(table.contains(&point.variant), "{table}");
+        let by_view = point.variant.contains("CBTC");
+        for view in &point.views {
+            assert_eq!(view.adaptation.is_some(), by_view, "{}", point.variant);
+            if let Some(adaptation) = &view.adaptation {
+                let phases: Vec<&str> =
+                    adaptation.build.repetitions[0].phases.iter().map(|p| p.name.as_str()).collect();
+                assert_eq!(phases, ["contract", "layout"]);
+                assert!(adaptation.sampling_milliseconds[0] > 0.0);
+            }
+        }
+        let children = point.of_trees(|t| t.average_children);
+        assert_eq!(point.variant == "Binary", children == 2.0, "{}: {children}", point.variant);
+        // What a variant has of its own is in its point.
+        let wide = point.variant.starts_with("Wide8") || point.variant.starts_with("Wide6");
+        assert_eq!(point.parameters.get("collapse.c_t").is_some(), wide, "{}", point.variant);
+    }
+    let nodes = |name: &str| {
+        let point = record.results.iter().find(|p| p.variant == name).unwrap();
+        point.counters().unwrap().all().per_ray().unwrap().nodes
+    };
+    assert!(nodes("Wide4") < 0.7 * nodes("Binary") && nodes("Wide8") < nodes("Wide4"));
+}
+
+#[test]
+fn a_user_validates_a_scene() {
+    let here = folder();
+    let found = text(&works(here.path(), "validate cornell:triangles=300 --size 24x14 --validate").stdout);
+    for what in ["binary tree", "collapse", "contraction", "layout", "hits", "brute force"] {
+        assert_eq!(found.matches(&format!(": {what}: ")).count(), 13, "{what}: {found}");
+    }
+    assert!(found.trim_end().ends_with("everything holds") && !found.contains("FAILED"), "{found}");
+}
+
+#[test]
+fn variants_are_listed_with_their_nodes() {
+    let here = folder();
+    let table = text(&works(here.path(), "variants").stdout);
+    for (name, bytes) in
+        [("Binary", 56), ("Wide4", 120), ("Wide6 Quantized CBTC", 64), ("Wide8 Quantized", 76)]
+    {
+        let row = table.lines().find(|l| l.starts_with(&format!("{name}  "))).unwrap();
+        assert!(row.contains(&format!(" {bytes} ")) && row.contains("GLSL"), "{row}");
+    }
+    let json: serde_json::Value =
+        serde_json::from_slice(&works(here.path(), "variants --json").stdout).unwrap();
+    assert_eq!(json.as_array().unwrap().len(), 13);
+}
+
+#[test]
+fn a_path_in_one_kernel_is_measured_as_well() {
+    let here = folder();
+    let line = "run cornell:triangles=300 --samples 1 --size 24x14 --views 0 --builds 1 --depth 3 \
+                --variant Binary --variant Wide6*Quantized --set trace.kernels=single -o x.json";
+    works(here.path(), line);
+    let record = valid(&here.path().join("x.json"));
+    for point in &record.results {
+        let purposes: Vec<&str> = point.kernels.iter().map(|k| k.purpose.as_str()).collect();
+        assert_eq!(purposes, ["all"]);
+        assert_eq!(point.views[0].samples[0].depths[0].rays, 24 * 14);
+    }
 }

@@ -1,6 +1,7 @@
 //! Compiles every `*.comp` under `src/` to SPIR-V and writes the module `shaders`, one `Shader` each.
 //!
-//! `src/ploc/nearest.comp` becomes `shaders::PLOC_NEAREST`. The compiler's own dependency file tells
+//! `src/ploc/nearest.comp` becomes `shaders::PLOC_NEAREST`; one that `src/permutations.rs` lists becomes
+//! several, and a function that picks among them, such as `shaders::layout_encode(layout)`. The compiler's own dependency file tells
 //! cargo which includes a shader was made from, so touching one rebuilds what uses it and no more.
 
 use std::{
@@ -8,6 +9,10 @@ use std::{
     path::{Path, PathBuf},
     process::Command,
 };
+
+#[path = "src/permutations.rs"]
+mod permutations;
+use permutations::{ARITIES, Layout, PER_ARITY, PER_LAYOUT};
 
 const TARGET: &str = "vulkan1.2";
 
@@ -23,49 +28,93 @@ fn main() {
     sources.sort();
 
     let compiler = Compiler::find();
-    let mut module = String::new();
+    let (mut module, mut all) = (String::new(), Vec::new());
     let mut failed = false;
     for source in &sources {
-        let name = source
+        let stem = source
             .strip_prefix(root.join("src"))
             .expect("found below it")
             .with_extension("")
             .to_string_lossy()
             .replace('\\', "/");
-        let file = name.replace('/', "_");
-        let spirv = out.join(&file).with_extension("spv");
-        match compiler.compile(source, &root.join("shaders"), &spirv) {
-            Ok(dependencies) => {
-                for dependency in dependencies {
-                    println!("cargo::rerun-if-changed={dependency}");
+        for permutation in permutations(&stem) {
+            let name = format!("{stem}{}", permutation.suffix);
+            let file = name.replace('/', "_");
+            let spirv = out.join(&file).with_extension("spv");
+            match compiler.compile(source, &permutation.macros, &root, &spirv) {
+                Ok(dependencies) => {
+                    for dependency in dependencies {
+                        println!("cargo::rerun-if-changed={dependency}");
+                    }
+                }
+                Err(log) => {
+                    failed = true;
+                    for line in log.lines() {
+                        println!("cargo::error={name}: {line}");
+                    }
                 }
             }
-            Err(log) => {
-                failed = true;
-                for line in log.lines() {
-                    println!("cargo::error={line}");
-                }
-            }
+            let symbol = file.to_uppercase();
+            module += &format!(
+                "/// Compiled from `src/{stem}.comp`.\npub static {symbol}: Shader = Shader {{ name: {name:?}, spirv: include_bytes!({spirv:?}) }};\n",
+            );
+            all.push(format!("&{symbol}"));
         }
-        module += &format!(
-            "/// Compiled from `src/{name}.comp`.\npub static {}: Shader = Shader {{ name: {name:?}, spirv: include_bytes!({:?}) }};\n",
-            file.to_uppercase(),
-            spirv
-        );
+        module += &choice(&stem);
     }
-    let all: Vec<String> = sources
-        .iter()
-        .map(|s| {
-            let name = s.strip_prefix(root.join("src")).expect("found below it");
-            let name = name.with_extension("").to_string_lossy().replace(['/', '\\'], "_");
-            format!("&{}", name.to_uppercase())
-        })
-        .collect();
     module +=
         &format!("/// Every shader of this build.\npub static ALL: &[&Shader] = &[{}];\n", all.join(", "));
     fs::write(out.join("shaders.rs"), module).expect("OUT_DIR is writable");
     if failed {
         std::process::exit(1);
+    }
+}
+
+/// One way of compiling a source.
+struct Permutation {
+    /// What is added to the source's name.
+    suffix: String,
+    /// `NAME=VALUE`.
+    macros: Vec<String>,
+}
+
+fn permutations(stem: &str) -> Vec<Permutation> {
+    if PER_LAYOUT.contains(&stem) {
+        let of = |layout: &Layout| Permutation {
+            suffix: format!("/{}", layout.symbol()),
+            macros: vec![format!("{}=1", layout.family()), format!("ARITY={}", layout.arity())],
+        };
+        Layout::ALL.iter().map(of).collect()
+    } else if PER_ARITY.contains(&stem) {
+        let of = |arity: &usize| Permutation {
+            suffix: format!("/{arity}"),
+            macros: vec![format!("ARITY={arity}")],
+        };
+        ARITIES.iter().map(of).collect()
+    } else {
+        vec![Permutation { suffix: String::new(), macros: Vec::new() }]
+    }
+}
+
+/// The function that picks a permutation, for a source that has several.
+fn choice(stem: &str) -> String {
+    let function = stem.replace('/', "_");
+    let symbol = function.to_uppercase();
+    if PER_LAYOUT.contains(&stem) {
+        let arms: String = Layout::ALL
+            .iter()
+            .map(|l| format!("        Layout::{l:?} => &{symbol}_{},\n", l.symbol().to_uppercase()))
+            .collect();
+        format!(
+            "/// `src/{stem}.comp` for a layout.\npub fn {function}(layout: Layout) -> &'static Shader {{\n    match layout {{\n{arms}    }}\n}}\n"
+        )
+    } else if PER_ARITY.contains(&stem) {
+        let arms: String = ARITIES.iter().map(|a| format!("        {a} => &{symbol}_{a},\n")).collect();
+        format!(
+            "/// `src/{stem}.comp` for an arity.\n///\n/// # Panics\n/// There is none of that arity.\npub fn {function}(arity: usize) -> &'static Shader {{\n    match arity {{\n{arms}        _ => panic!(\"no kernels of arity {{arity}}\"),\n    }}\n}}\n"
+        )
+    } else {
+        String::new()
     }
 }
 
@@ -102,26 +151,40 @@ impl Compiler {
     }
 
     /// The files that the result depends on, or the compiler's messages.
-    fn compile(&self, source: &Path, include: &Path, spirv: &Path) -> Result<Vec<String>, String> {
+    fn compile(
+        &self,
+        source: &Path,
+        macros: &[String],
+        root: &Path,
+        spirv: &Path,
+    ) -> Result<Vec<String>, String> {
         let depfile = spirv.with_extension("d");
         if let Some(files) = up_to_date(&depfile, spirv) {
             return Ok(files);
         }
+        // Includes are found from the shared folder and, where one stage needs another's, from `src`.
+        let folders = [root.join("shaders"), root.join("src")];
         let mut command = match self {
             Self::Glslc => {
                 let mut c = Command::new("glslc");
-                c.arg(format!("--target-env={TARGET}")).arg("-Werror").arg("-I").arg(include);
+                c.arg(format!("--target-env={TARGET}")).arg("-Werror");
+                for folder in &folders {
+                    c.arg("-I").arg(folder);
+                }
                 c.arg("-MD").arg("-MF").arg(&depfile).arg("-o").arg(spirv);
                 c
             }
             Self::Glslang => {
                 let mut c = Command::new("glslangValidator");
                 c.args(["-V", "--quiet", "--target-env", TARGET]);
-                c.arg(format!("-I{}", include.display()));
+                for folder in &folders {
+                    c.arg(format!("-I{}", folder.display()));
+                }
                 c.arg("--depfile").arg(&depfile).arg("-o").arg(spirv);
                 c
             }
         };
+        command.args(macros.iter().map(|m| format!("-D{m}")));
         let output = command.arg(source).output().map_err(|e| e.to_string())?;
         if !output.status.success() {
             return Err(format!(

@@ -3,7 +3,7 @@
 //! samples and views the rates are averaged, each sample and each view counting alike, as the thesis
 //! does (Cezner 2025, section 6.2).
 
-use crate::{Build, Count, Counters, Launch, Phase, Point, Repetition, Sample, View};
+use crate::{Adaptation, Build, Count, Counters, Launch, Phase, Point, Repetition, Sample, Tree, View};
 use std::iter::Sum;
 use std::ops::Add;
 
@@ -98,6 +98,52 @@ impl Point {
     }
 }
 
+impl Point {
+    /// Milliseconds of all builds that a picture from one view takes, as a median over repetitions: of a
+    /// variant that goes by view the first and the final one, the latter averaged over the views.
+    pub fn build_milliseconds(&self) -> Option<f64> {
+        let first = self.build.median_milliseconds()?;
+        if self.adaptations().next().is_none() {
+            return Some(first);
+        }
+        Some(first + mean(self.adaptations().map(|a| a.build.median_milliseconds()))?)
+    }
+
+    /// Milliseconds of tracing the sample rays of one view: a median over repetitions, averaged over the
+    /// views. Nothing where the variant does not go by view.
+    pub fn sampling_milliseconds(&self) -> Option<f64> {
+        mean(self.adaptations().map(|a| median(&a.sampling_milliseconds)))
+    }
+
+    /// The trees that were traced: the one for all views, or those of the views.
+    pub fn trees(&self) -> Vec<&Tree> {
+        let own: Vec<&Tree> = self.adaptations().map(|a| &a.tree).collect();
+        if own.is_empty() { vec![&self.tree] } else { own }
+    }
+
+    /// A figure of the tree that was traced, averaged over the views where each has its own.
+    pub fn of_trees(&self, figure: impl Fn(&Tree) -> f64) -> f64 {
+        let trees = self.trees();
+        trees.iter().map(|tree| figure(tree)).sum::<f64>() / trees.len() as f64
+    }
+
+    fn adaptations(&self) -> impl Iterator<Item = &Adaptation> {
+        self.views.iter().filter_map(|view| view.adaptation.as_ref())
+    }
+}
+
+/// The value in the middle, which one outlier does not move; nothing of nothing.
+fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let middle = sorted.len() / 2;
+    match sorted.len() {
+        0 => None,
+        count if count % 2 == 1 => Some(sorted[middle]),
+        _ => Some((sorted[middle - 1] + sorted[middle]) / 2.0),
+    }
+}
+
 impl Build {
     /// Milliseconds of the whole build, averaged over the repetitions.
     pub fn mean_milliseconds(&self) -> Option<f64> {
@@ -107,14 +153,8 @@ impl Build {
     /// Milliseconds of the whole build in the middle of the repetitions, which one slow repetition
     /// does not move.
     pub fn median_milliseconds(&self) -> Option<f64> {
-        let mut times: Vec<f64> = self.repetitions.iter().map(|repetition| repetition.milliseconds).collect();
-        times.sort_by(f64::total_cmp);
-        let middle = times.len() / 2;
-        match times.len() {
-            0 => None,
-            count if count % 2 == 1 => Some(times[middle]),
-            _ => Some((times[middle - 1] + times[middle]) / 2.0),
-        }
+        let times: Vec<f64> = self.repetitions.iter().map(|repetition| repetition.milliseconds).collect();
+        median(&times)
     }
 
     /// Each phase and its milliseconds averaged over the repetitions, in the order in which they ran.

@@ -131,11 +131,11 @@ fn measured(before: Timestamp, after: Timestamp) -> Point {
             repetitions: vec![
                 repetition(
                     1.42,
-                    [("morton", 0.05), ("sort", 0.4), ("ploc", 0.7), ("collapse", 0.1), ("rearrange", 0.1)],
+                    [("morton", 0.05), ("sort", 0.4), ("ploc", 0.7), ("collapse", 0.1), ("layout", 0.1)],
                 ),
                 repetition(
                     1.39,
-                    [("morton", 0.05), ("sort", 0.38), ("ploc", 0.69), ("collapse", 0.1), ("rearrange", 0.1)],
+                    [("morton", 0.05), ("sort", 0.38), ("ploc", 0.69), ("collapse", 0.1), ("layout", 0.1)],
                 ),
             ],
         },
@@ -155,6 +155,7 @@ fn measured(before: Timestamp, after: Timestamp) -> Point {
         ],
         views: vec![View {
             name: "atrium".into(),
+            adaptation: None,
             samples: vec![
                 launches([(230_400, 0.128), (229_870, 0.771), (228_910, 0.903)]),
                 launches([(230_400, 0.127), (229_881, 0.769), (228_904, 0.899)]),
@@ -186,17 +187,17 @@ fn generated() -> Point {
             skipped: Default::default(),
             load_milliseconds: 0.02,
         },
-        variant: "Wide4".into(),
+        variant: "Wide4 CBTC".into(),
         parameters,
         build: Build {
             repetitions: vec![repetition(0.31, [("morton", 0.05), ("sort", 0.1), ("ploc", 0.1)])],
         },
         tree: Tree {
-            nodes: 5,
+            nodes: 13,
             leaves: 14,
-            node_bytes: 5 * 112,
+            node_bytes: 13 * 56,
             triangle_bytes: 36 * 48,
-            average_children: 3.6,
+            average_children: 2.0,
             average_triangles_per_leaf: 2.571,
             depth: 2,
             sah_cost: 23.5,
@@ -204,6 +205,20 @@ fn generated() -> Point {
         kernels: Vec::new(),
         views: vec![View {
             name: "front".into(),
+            adaptation: Some(Adaptation {
+                sampling_milliseconds: vec![0.07],
+                build: Build { repetitions: vec![repetition(0.05, [("contract", 0.03), ("layout", 0.02)])] },
+                tree: Tree {
+                    nodes: 5,
+                    leaves: 14,
+                    node_bytes: 5 * 120,
+                    triangle_bytes: 36 * 48,
+                    average_children: 3.6,
+                    average_triangles_per_leaf: 2.571,
+                    depth: 2,
+                    sah_cost: 23.5,
+                },
+            }),
             samples: vec![launches([(230_400, 0.081), (230_112, 0.213)])],
             counters: None,
             before: unasked.clone(),

@@ -38,7 +38,7 @@ pub use host::{Commit, Host, Tool};
 pub use kernel::{Kernel, OccupancyLimit};
 pub use parameters::{Parameters, Value};
 pub use point::{
-    Build, Count, Counters, Launch, Phase, Point, Repetition, Sample, Scene, Source, Tree, View,
+    Adaptation, Build, Count, Counters, Launch, Phase, Point, Repetition, Sample, Scene, Source, Tree, View,
 };
 pub use telemetry::{Reading, Telemetry, ThrottleReason};
 pub use timestamp::Timestamp;

@@ -13,9 +13,9 @@ pub struct Point {
     /// The parameters in which this point differs from the rest of the run.
     #[serde(default)]
     pub parameters: Parameters,
-    /// How long the build took.
+    /// How long the build took; of a variant that goes by view, the first build, that of the binary tree.
     pub build: Build,
-    /// What the build made.
+    /// What the build made; of a variant that goes by view, see the views.
     pub tree: Tree,
     /// The kernels that traced its rays; none in records from before they were kept.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -113,6 +113,9 @@ pub struct Tree {
 pub struct View {
     /// Name of the view.
     pub name: String,
+    /// How the view's own tree was made, where the variant goes by view.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adaptation: Option<Adaptation>,
     /// The samples, in the order measured.
     pub samples: Vec<Sample>,
     /// What the rays met, from a run of its own, so that counting never slows a timed one.
@@ -125,6 +128,18 @@ pub struct View {
     /// Pictures rendered from this view, by path.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pictures: Vec<String>,
+}
+
+/// A tree made for one view (Cezner 2025, section 4.2.2): sample rays through the binary tree, then the
+/// wide tree that suits them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Adaptation {
+    /// Milliseconds from clearing the visit counts to having them, one for each repetition.
+    pub sampling_milliseconds: Vec<f64>,
+    /// How long it took to make the wide tree of the binary one.
+    pub build: Build,
+    /// What that made.
+    pub tree: Tree,
 }
 
 /// One path sample of every pixel.

@@ -138,6 +138,17 @@ impl Record {
                 problems.add(&at, Fault::Duplicate, what);
             }
             check_view(&at, view, self.run.depth as usize, problems);
+            if let Some(adaptation) = &view.adaptation {
+                let at = format!("{at}.adaptation");
+                check_build(&format!("{at}.build"), &adaptation.build, problems);
+                check_tree(&format!("{at}.tree"), &adaptation.tree, point.scene.triangles, problems);
+                for (index, &milliseconds) in adaptation.sampling_milliseconds.iter().enumerate() {
+                    problems.positive(&format!("{at}.sampling_milliseconds[{index}]"), milliseconds);
+                }
+                if adaptation.sampling_milliseconds.len() != adaptation.build.repetitions.len() {
+                    problems.add(&at, Fault::Mismatch, "not as many samplings as builds");
+                }
+            }
         }
     }
 

@@ -33,12 +33,12 @@ struct Path {
     uint pixel;
     vec3 throughput;
 };
-layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Paths {
+layout(buffer_reference, scalar, buffer_reference_align = 16) BETWEEN_STAGES buffer Paths {
     Path items[];
 };
 
 // Sums of radiance, one a pixel, row by row from the top.
-layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Image {
+layout(buffer_reference, scalar, buffer_reference_align = 16) BETWEEN_STAGES buffer Image {
     vec4 items[];
 };
 

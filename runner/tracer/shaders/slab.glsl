@@ -13,14 +13,17 @@ struct Slab {
     vec3 upper;    // -(origin - pad) * inverse
 };
 
-// `extent` is the largest absolute coordinate of the scene.
-Slab slab_of(vec3 origin, vec3 direction, float extent) {
+// How much wider boxes are taken to be, in units of the largest coordinate: 8 units in the last place.
+const float EXACT_PAD = 4.76837158203125e-7;  // 2^-21
+
+// `extent` is the largest absolute coordinate of the scene, `pad` is at least EXACT_PAD.
+Slab slab_of(vec3 origin, vec3 direction, float extent, float pad) {
     const float tiny = 1e-18;
     vec3 sign_ = vec3(
         direction.x < 0.0 ? -1.0 : 1.0, direction.y < 0.0 ? -1.0 : 1.0, direction.z < 0.0 ? -1.0 : 1.0);
     vec3 inverse = sign_ / max(abs(direction), vec3(tiny));
-    vec3 pad = max(abs(origin), vec3(extent)) * 4.76837158203125e-7;  // 2^-21
-    return Slab(inverse, -(origin + pad) * inverse, -(origin - pad) * inverse);
+    vec3 wider = max(abs(origin), vec3(extent)) * pad;
+    return Slab(inverse, -(origin + wider) * inverse, -(origin - wider) * inverse);
 }
 
 // Entry distance of the ray into the box, or infinity when it misses the box between t_min and t_max.

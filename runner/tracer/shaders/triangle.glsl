@@ -29,7 +29,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Tr
 };
 
 // Rays or triangles, one number at a time.
-layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Floats {
+layout(buffer_reference, scalar, buffer_reference_align = 4) BETWEEN_STAGES readonly buffer Floats {
     float items[];
 };
 

@@ -1,8 +1,8 @@
 //! Chains the stages of a build: triangles in device memory → nodes that a kernel can traverse.
 //!
 //! ```text
-//! triangles → bounds, codes → sort → leaves, clustering → collapse → rearrangement, triangles
-//!             \ morton /              \    ploc    /                 \      rearrange      /
+//! triangles → bounds, codes → sort → leaves, clustering → collapse → wide tree → nodes, triangles
+//!             \ morton /              \    ploc    /                 contract    \    layout   /
 //! ```
 //!
 //! Everything is recorded into one submission, and nothing is read back before its end: how many
@@ -11,14 +11,13 @@
 use crate::{
     bvh2::{Bvh2, Bvh2Buffers, MAX_LEVELS, MAX_TRIANGLES},
     collapse::{Collapse, CollapseParams, Subtree},
+    contract::{self, Contract, ContractParams, Form, Progress, VisitCounter, Visits, WideBuffers, WideBvh},
     gpu::{Buffer, Error, Gpu, Pass, Timings},
-    layout::{
-        LeafOrder, LeafTriangle,
-        binary::{BinaryNode, Rearrange, RearrangeBuffers, Summary},
-    },
+    layout::{Encode, Layout, LayoutParams, LeafTriangle, NodeLayout},
     morton::{BOUNDS_BYTES, Morton, MortonParams, SceneBounds},
     ploc::{Ploc, PlocBuffers, PlocParams},
     sort::{Sort, SortBuffers},
+    traverse::Tree,
 };
 use serde::{Deserialize, Serialize};
 use std::{cell::Cell, ops::Range};
@@ -33,6 +32,10 @@ pub struct BuildParams {
     pub ploc: PlocParams,
     /// The merging of leaves.
     pub collapse: CollapseParams,
+    /// Which boxes share a node.
+    pub contract: ContractParams,
+    /// How nodes are stored.
+    pub layout: LayoutParams,
 }
 
 /// Why a build was refused or failed.
@@ -60,13 +63,30 @@ pub struct BuildMilliseconds {
     pub ploc: f64,
     /// Merging leaves.
     pub collapse: f64,
+    /// Choosing which boxes share a node.
+    pub contract: f64,
     /// Writing nodes and triangles in their layout.
-    pub rearrange: f64,
+    pub layout: f64,
     /// From the first dispatch to the end of the last.
     pub total: f64,
 }
 
-/// The kernels of a build, compiled for one set of parameters.
+impl BuildMilliseconds {
+    fn of(timings: &Timings) -> Self {
+        let under = |name: &str| timings.milliseconds(&format!("build/{name}"));
+        Self {
+            morton: under("morton"),
+            sort: under("sort"),
+            ploc: under("ploc"),
+            collapse: under("collapse"),
+            contract: under("contract"),
+            layout: under("layout"),
+            total: timings.milliseconds("build"),
+        }
+    }
+}
+
+/// The kernels of a build, compiled for one layout and set of parameters.
 #[derive(Debug)]
 pub struct Builder {
     gpu: Gpu,
@@ -75,8 +95,7 @@ pub struct Builder {
     sort: Sort,
     ploc: Ploc,
     collapse: Collapse,
-    rearrange: Rearrange,
-    leaf_order: LeafOrder,
+    widen: Widen,
 }
 
 /// Device memory for builds of up to so many triangles, so that a build itself allocates nothing.
@@ -90,11 +109,49 @@ pub struct BuildWorkspace {
     tree: Bvh2Buffers,
     ploc: PlocBuffers,
     subtrees: Buffer,
-    rearrange: RearrangeBuffers,
-    /// Of [`BinaryNode`]; `BuildReport::summary` says how many.
+    /// The wide tree, its nodes and its triangles.
+    pub wide: WideWorkspace,
+}
+
+/// The kernels that make nodes of a collapsed binary tree: contraction and layout.
+#[derive(Debug)]
+pub struct Widen {
+    gpu: Gpu,
+    contract: Contract,
+    encode: Encode,
+}
+
+/// A wide tree in device memory, as contraction made it and as kernels traverse it.
+#[derive(Debug)]
+pub struct WideWorkspace {
+    capacity: usize,
+    /// Of the last contraction, how many levels it had; 0 before the first.
+    levels: Cell<u32>,
+    wide: WideBuffers,
+    layout: Layout,
+    stride: usize,
+    /// In the layout, a stride apart; `Summary` says how many.
     pub nodes: Buffer,
     /// Of [`LeafTriangle`], as many as there are triangles.
     pub triangles: Buffer,
+}
+
+/// A tree in numbers that a build leaves for the host to read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Summary {
+    /// Nodes.
+    pub nodes: u32,
+    /// Nodes on the longest way from the root to a leaf, the root included.
+    pub depth: u32,
+    /// Entries that a traversal's stack needs at most: one for every further child on a way from the root to
+    /// a leaf, and one that marks the end.
+    pub stack: u32,
+    /// Levels of the binary tree, that is iterations of the clustering.
+    pub levels: u32,
+    /// Those that were processed by a dispatch each, before one workgroup took over.
+    pub large_levels: u32,
+    /// The same of the clustering itself, which needs all of a workgroup's shared memory.
+    pub iterations: u32,
 }
 
 /// What to build over.
@@ -102,6 +159,14 @@ pub struct BuildWorkspace {
 struct Input<'a> {
     triangles: &'a Buffer,
     count: usize,
+}
+
+/// What a contraction goes by beside the tree.
+#[derive(Clone, Copy)]
+struct Source<'a> {
+    visits: Option<Visits<'a>>,
+    /// Levels that the collapse was recorded for.
+    large: u32,
 }
 
 /// How many dispatches to record where only the GPU knows how many there is work for.
@@ -126,19 +191,6 @@ pub struct BuildReport {
     pub timings: Timings,
 }
 
-/// A binary BVH in device memory, and nothing else.
-#[derive(Debug)]
-pub struct Built {
-    /// Of [`BinaryNode`], `report.summary.nodes` of them; node 0 is the root.
-    pub nodes: Buffer,
-    /// Of [`LeafTriangle`], in the order of the leaves.
-    pub triangles: Buffer,
-    /// How many triangles.
-    pub count: usize,
-    /// How it was made.
-    pub report: BuildReport,
-}
-
 impl Builder {
     /// Compiles the kernels.
     ///
@@ -146,8 +198,10 @@ impl Builder {
     /// The driver's compiler failed.
     ///
     /// # Panics
-    /// A parameter is out of its documented range.
-    pub fn new(gpu: &Gpu, params: &BuildParams) -> Result<Self, Error> {
+    /// A parameter is out of its documented range, or the contraction goes by view: there have to be visits
+    /// first, see [`Widen`].
+    pub fn new(gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Self, Error> {
+        assert!(!params.contract.method.by_view(), "{} needs a tree and visits", params.contract.method);
         Ok(Self {
             gpu: gpu.clone(),
             params: params.clone(),
@@ -155,8 +209,7 @@ impl Builder {
             sort: Sort::new(gpu, params.morton.words())?,
             ploc: Ploc::new(gpu, &params.ploc)?,
             collapse: Collapse::new(gpu, &params.collapse)?,
-            rearrange: Rearrange::new(gpu)?,
-            leaf_order: LeafOrder::new(gpu)?,
+            widen: Widen::new(gpu, params, layout)?,
         })
     }
 
@@ -170,7 +223,7 @@ impl Builder {
         &self.ploc
     }
 
-    /// Allocates for scenes of up to `capacity` triangles; about 330 bytes each.
+    /// Allocates for scenes of up to `capacity` triangles; about 400 bytes each.
     ///
     /// # Errors
     /// No triangles, too many, or too little memory.
@@ -185,10 +238,7 @@ impl Builder {
             tree: Bvh2Buffers::new(gpu, capacity)?,
             ploc: self.ploc.buffers(gpu, capacity)?,
             subtrees: Collapse::buffer(gpu, capacity)?,
-            rearrange: Rearrange::buffers(gpu, capacity)?,
-            nodes: gpu.buffer("nodes", (size_of::<BinaryNode>() * (capacity - 1).max(1)) as u64)?,
-            triangles: gpu
-                .buffer("triangles in leaf order", (size_of::<LeafTriangle>() * capacity) as u64)?,
+            wide: self.widen.workspace(capacity)?,
         })
     }
 
@@ -224,35 +274,51 @@ impl Builder {
                 Dispatches { iterations, levels: iterations }
             }
         };
+        let levels = &workspace.wide.levels;
         loop {
             let mut pass = Pass::new(&self.gpu)?;
             pass.time_dispatches(time_dispatches);
+            let large = recorded.levels;
             pass.scope("build", |pass| {
                 let order = (done == 0).then(|| self.record_order(pass, workspace, input));
                 self.record_tree(pass, workspace, input, order, done..recorded.iterations, recorded.levels);
+                self.widen.record(
+                    pass,
+                    workspace,
+                    &workspace.wide,
+                    input,
+                    Source { visits: None, large },
+                    true,
+                );
             });
             timings.spans.extend(pass.submit()?.spans);
-            let summary: Summary = workspace.rearrange.summary.read(0, 1)?[0];
-            let complete = summary.levels > 0 || count == 1;
-            if complete && summary.large_levels <= recorded.levels {
-                let milliseconds = BuildMilliseconds {
-                    morton: timings.milliseconds("build/morton"),
-                    sort: timings.milliseconds("build/sort"),
-                    ploc: timings.milliseconds("build/ploc"),
-                    collapse: timings.milliseconds("build/collapse"),
-                    rearrange: timings.milliseconds("build/rearrange"),
-                    total: timings.milliseconds("build"),
-                };
-                let Summary { iterations, large_levels: levels, .. } = summary;
-                workspace.last.set(Some((count, Dispatches { iterations, levels })));
-                let recorded = recorded.iterations;
-                return Ok(BuildReport { summary, recorded, milliseconds, timings });
+            let header = workspace.tree.header()?;
+            let complete = header.count > 0 || count == 1;
+            if complete && header.tail <= recorded.levels {
+                let source = Source { visits: None, large };
+                let progress = self.widen.finish(workspace, &workspace.wide, input, source, &mut timings)?;
+                let (iterations, tail) = (header.iterations, header.tail);
+                workspace.last.set(Some((count, Dispatches { iterations, levels: tail })));
+                return Ok(BuildReport {
+                    summary: Summary {
+                        nodes: progress.nodes,
+                        depth: progress.depth,
+                        stack: progress.stack,
+                        levels: header.count,
+                        large_levels: tail,
+                        iterations,
+                    },
+                    recorded: recorded.iterations,
+                    milliseconds: BuildMilliseconds::of(&timings),
+                    timings,
+                });
             }
+            levels.set(0);
             // Another scene than was expected: go on where it stopped. The clustering's tail, if it was
             // reached, does the same once more.
             done = recorded.iterations;
             if complete {
-                recorded.levels = summary.large_levels;
+                recorded.levels = header.tail;
             } else {
                 assert!((done as usize) < MAX_LEVELS, "the number of iterations is bounded, see ploc::Step");
                 let iterations = (done + 32).min(MAX_LEVELS as u32);
@@ -291,15 +357,194 @@ impl Builder {
         pass.scope("collapse", |pass| {
             self.collapse.record(pass, &w.tree, &w.bounds, &w.subtrees, large);
         });
-        pass.scope("rearrange", |pass| {
-            self.rearrange.record(pass, &w.tree, &w.subtrees, &w.nodes, &w.rearrange, large);
-            let positions = &w.rearrange.positions;
-            self.leaf_order.record(pass, &w.tree, positions, triangles, &w.triangles, count);
+    }
+}
+
+impl Widen {
+    /// Compiles the kernels for a layout and what `params` say of contraction and layout.
+    ///
+    /// # Errors
+    /// The driver's compiler failed.
+    pub fn new(gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Self, Error> {
+        Ok(Self {
+            gpu: gpu.clone(),
+            contract: Contract::new(gpu, layout.arity(), &params.contract)?,
+            encode: Encode::new(gpu, layout, &params.layout)?,
+        })
+    }
+
+    /// How the contraction is launched.
+    pub fn form(&self) -> Form {
+        self.contract.form()
+    }
+
+    /// Allocates for trees over up to `capacity` triangles.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn workspace(&self, capacity: usize) -> Result<WideWorkspace, Error> {
+        let wide = self.contract.buffers(&self.gpu, capacity)?;
+        let bytes = (self.encode.stride() * wide.capacity()) as u64;
+        Ok(WideWorkspace {
+            capacity,
+            levels: Cell::new(0),
+            wide,
+            layout: self.encode.layout(),
+            stride: self.encode.stride(),
+            nodes: self.gpu.buffer("nodes", bytes)?,
+            triangles: self
+                .gpu
+                .buffer("triangles in leaf order", (size_of::<LeafTriangle>() * capacity) as u64)?,
+        })
+    }
+
+    /// Makes nodes of the collapsed binary tree that the last build left in `from`, over the same
+    /// `triangles`, by the `visits` that its inner nodes had. Only phases from contraction on take time.
+    ///
+    /// # Errors
+    /// The device failed.
+    ///
+    /// # Panics
+    /// There is no build in `from` of that many triangles, or no room for it in `to`.
+    pub fn build(
+        &self,
+        from: &BuildWorkspace,
+        to: &WideWorkspace,
+        triangles: &Buffer,
+        count: usize,
+        visits: Option<Visits<'_>>,
+    ) -> Result<BuildReport, BuildError> {
+        assert!(from.last.get().is_some_and(|(of, _)| of == count), "no build of {count} triangles");
+        assert!(count <= to.capacity, "{count} triangles in a workspace for {}", to.capacity);
+        let input = Input { triangles, count };
+        let mut timings = Timings::default();
+        let mut pass = Pass::new(&self.gpu)?;
+        pass.time_dispatches(false);
+        let source = Source { visits, large: u32::MAX };
+        pass.scope("build", |pass| self.record(pass, from, to, input, source, true));
+        timings.spans.extend(pass.submit()?.spans);
+        let progress = self.finish(from, to, input, source, &mut timings)?;
+        let header = from.tree.header()?;
+        Ok(BuildReport {
+            summary: Summary {
+                nodes: progress.nodes,
+                depth: progress.depth,
+                stack: progress.stack,
+                levels: header.count,
+                large_levels: header.tail,
+                iterations: header.iterations,
+            },
+            recorded: 0,
+            milliseconds: BuildMilliseconds::of(&timings),
+            timings,
+        })
+    }
+
+    fn record(
+        &self,
+        pass: &mut Pass,
+        from: &BuildWorkspace,
+        to: &WideWorkspace,
+        input: Input<'_>,
+        source: Source<'_>,
+        afresh: bool,
+    ) {
+        let levels = match (afresh, to.levels.get()) {
+            (true, known) if known > 0 => known,
+            _ => LEVELS_ON_SUSPICION,
+        };
+        pass.scope("contract", |pass| {
+            let tree = contract::Input {
+                tree: &from.tree,
+                subtrees: &from.subtrees,
+                bounds: &from.bounds,
+                large_levels: source.large,
+                visits: source.visits,
+            };
+            self.contract.record(pass, &tree, &to.wide, afresh, levels);
         });
+        pass.scope("layout", |pass| {
+            let Input { triangles, count } = input;
+            self.encode.record(pass, &from.tree, &to.wide, triangles, count, &to.nodes, &to.triangles);
+        });
+    }
+
+    /// Goes on until the contraction is complete, where more levels were needed than recorded.
+    fn finish(
+        &self,
+        from: &BuildWorkspace,
+        to: &WideWorkspace,
+        input: Input<'_>,
+        source: Source<'_>,
+        timings: &mut Timings,
+    ) -> Result<Progress, Error> {
+        loop {
+            let progress: Progress = to.wide.progress.read(0, 1)?[0];
+            if progress.finished == progress.nodes {
+                to.levels.set(progress.depth);
+                return Ok(progress);
+            }
+            // A single launch goes on until the tree is complete. It must not be tried again and again.
+            assert!(
+                self.form() == Form::Levels,
+                "the driver of {} ended a contraction before it was complete; use the form `levels`",
+                self.gpu.info().name
+            );
+            let mut pass = Pass::new(&self.gpu)?;
+            pass.time_dispatches(false);
+            pass.scope("build", |pass| self.record(pass, from, to, input, source, false));
+            timings.spans.extend(pass.submit()?.spans);
+        }
+    }
+}
+
+/// Levels of a wide tree that are recorded while nobody knows how many it has; empty ones cost little.
+const LEVELS_ON_SUSPICION: u32 = 32;
+
+impl WideWorkspace {
+    /// What a traversal needs to know of the tree that was last built, with the scene's largest absolute
+    /// coordinate.
+    pub fn tree(&self, summary: &Summary, extent: f32) -> Tree {
+        Tree {
+            nodes: self.nodes.address(),
+            triangles: self.triangles.address(),
+            layout: self.layout,
+            stride: self.stride,
+            stack: summary.stack,
+            extent,
+        }
+    }
+
+    /// Copies the first `count` nodes to the host.
+    ///
+    /// # Errors
+    /// A transfer failed.
+    ///
+    /// # Panics
+    /// They are stored in another layout.
+    pub fn read_nodes<L: NodeLayout>(&self, count: usize) -> Result<Vec<L::Node>, Error> {
+        let size = size_of::<L::Node>();
+        assert_eq!(size, self.layout.node_bytes(), "{} nodes in a tree of {:?}", L::NAME, self.layout);
+        let bytes: Vec<u8> = self.nodes.read(0, count * self.stride)?;
+        Ok(bytes.chunks_exact(self.stride).map(|b| bytemuck::pod_read_unaligned(&b[..size])).collect())
+    }
+
+    /// Copies the wide tree of `nodes` nodes, as the contraction made it, to the host.
+    ///
+    /// # Errors
+    /// A transfer failed.
+    pub fn read_wide(&self, nodes: usize) -> Result<WideBvh, Error> {
+        WideBvh::read(&self.wide, nodes)
     }
 }
 
 impl BuildWorkspace {
+    /// Records, after a traversal that counted visits of the last build's own wide tree, what that means for
+    /// the binary tree.
+    pub fn record_visits(&self, pass: &mut Pass, counter: &VisitCounter) {
+        counter.record(pass, &self.tree, &self.wide.wide);
+    }
+
     /// Copies the binary tree of the last build, one triangle a leaf, to the host.
     ///
     /// # Errors
@@ -324,26 +569,6 @@ impl BuildWorkspace {
         let words: Vec<[u32; 12]> = self.bounds.read(0, 1)?;
         Ok(SceneBounds::decode(words[0]))
     }
-}
-
-/// Builds a tree over `count` triangles and keeps only what traversal needs.
-///
-/// # Errors
-/// No triangles, too many, too little memory, or the device failed.
-///
-/// # Panics
-/// A parameter is out of its documented range, or the buffer holds fewer triangles.
-pub fn build(gpu: &Gpu, triangles: &Buffer, count: usize, params: &BuildParams) -> Result<Built, BuildError> {
-    let builder = Builder::new(gpu, params)?;
-    let workspace = builder.workspace(count)?;
-    let report = builder.build(&workspace, triangles, count, false)?;
-    // Before the collapse it was not known how many nodes there would be.
-    let bytes = size_of::<BinaryNode>() as u64 * u64::from(report.summary.nodes);
-    let nodes = gpu.buffer("nodes", bytes)?;
-    let mut pass = Pass::new(gpu)?;
-    pass.copy(&workspace.nodes, 0, &nodes, 0, bytes);
-    pass.submit()?;
-    Ok(Built { nodes, triangles: workspace.triangles, count, report })
 }
 
 fn check(count: usize) -> Result<(), BuildError> {

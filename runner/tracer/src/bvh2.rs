@@ -123,7 +123,7 @@ impl Bvh2 {
     /// # Errors
     /// A transfer failed.
     pub fn read(from: &Bvh2Buffers, leaves: usize) -> Result<Self, Error> {
-        let header: LevelsHeader = from.levels.read(0, 1)?[0];
+        let header = from.header()?;
         let first = &header.first[..=header.count as usize];
         Ok(Self {
             nodes: from.nodes.read(0, 2 * leaves - 1)?,
@@ -166,6 +166,11 @@ impl Bvh2Buffers {
             nodes: gpu.buffer("binary tree", 32 * (2 * leaves as u64 - 1))?,
             levels: gpu.buffer("levels of the binary tree", LEVELS_BYTES)?,
         })
+    }
+
+    /// Which levels there are.
+    pub(crate) fn header(&self) -> Result<LevelsHeader, Error> {
+        Ok(self.levels.read(0, 1)?[0])
     }
 
     /// Byte offset in `levels` of the dispatch arguments of a level.

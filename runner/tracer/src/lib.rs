@@ -4,11 +4,13 @@
 pub mod builder;
 pub mod bvh2;
 pub mod collapse;
+pub mod contract;
 pub mod gpu;
 pub mod layout;
 pub mod measure;
 pub mod morton;
 pub mod path;
+pub mod permutations;
 pub mod ploc;
 pub mod scene;
 pub mod sort;
@@ -21,6 +23,15 @@ pub enum Error {
     /// The device or its driver.
     #[error(transparent)]
     Gpu(#[from] gpu::Error),
+    /// The single kernel cannot be timed.
+    #[error(
+        "the driver of {device} has no clock that kernels can read (shaderDeviceClock of VK_KHR_shader_clock), \
+         which tracing in a single kernel needs; use trace.kernels=separate"
+    )]
+    NoClock {
+        /// The device's name.
+        device: String,
+    },
     /// The driver ended a traversal loop before its rays were done.
     #[error(
         "{unfinished} of {rays} rays at depth {depth} were not finished: the driver of {device} ends long \

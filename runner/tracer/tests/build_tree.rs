@@ -2,26 +2,90 @@
 
 mod support;
 
-use support::{assert_silent, awkward, gpu, scattered, terrain};
+use std::sync::OnceLock;
+use support::{Random, assert_silent, awkward, builder_of, gpu, scattered, terrain};
 use tracer::{
-    builder::{BuildError, BuildParams, BuildReport, BuildWorkspace, Builder, build},
-    bvh2::Triangle,
-    collapse::{self, CollapseParams},
-    layout::{
-        LeafTriangle,
-        binary::{self, Binary, BinaryNode},
-    },
+    builder::{BuildError, BuildParams, BuildReport, BuildWorkspace, Builder, WideWorkspace, Widen},
+    bvh2::{Bvh2, Triangle},
+    collapse::{self, CollapseParams, Subtree},
+    contract::{self, ContractParams, Contraction, Form, Visits, WideBvh},
+    layout::{self, Layout, LayoutParams, LeafTriangle, NodeLayout, binary::Binary},
     measure::tree::stats,
     morton::{self, MortonParams},
     ploc::{self, PlocParams},
-    sort, validate,
+    sort, validate, with_layout,
 };
 
 fn params(bits: u32, radius: u32) -> BuildParams {
-    BuildParams {
-        morton: MortonParams { bits },
-        ploc: PlocParams { radius },
-        collapse: CollapseParams::default(),
+    BuildParams { morton: MortonParams { bits }, ploc: PlocParams { radius }, ..BuildParams::default() }
+}
+
+/// What contraction and layout start from.
+struct Collapsed<'a> {
+    triangles: &'a [Triangle],
+    tree: Bvh2,
+    subtrees: Vec<Subtree>,
+    scale: f32,
+}
+
+impl<'a> Collapsed<'a> {
+    /// Copies it from the device.
+    fn read(workspace: &BuildWorkspace, triangles: &'a [Triangle]) -> Self {
+        let n = triangles.len();
+        Self {
+            triangles,
+            tree: workspace.read_tree(n).unwrap(),
+            subtrees: workspace.read_subtrees(n).unwrap(),
+            scale: workspace.read_bounds().unwrap().scale(),
+        }
+    }
+
+    /// Holds the wide tree that was made of it, and its nodes, against the twins. Returns the tree in its
+    /// canonical order.
+    fn check(
+        &self,
+        to: &WideWorkspace,
+        report: &BuildReport,
+        params: &ContractParams,
+        visits: Option<contract::cpu::Visits<'_>>,
+        what: &str,
+    ) -> WideBvh {
+        let layout = to.tree(&report.summary, 0.0).layout;
+        let what = format!("{what}, {layout:?}");
+        let wide = to.read_wide(report.summary.nodes as usize).unwrap();
+        assert_eq!(validate::wide(&wide, &self.tree, &self.subtrees), Ok(()), "{what}");
+        let canonical = wide.canonical();
+        let twin =
+            contract::cpu::contract(&self.tree, &self.subtrees, self.scale, layout.arity(), params, visits);
+        assert!(canonical == twin, "{what}: the wide tree differs from the twin's");
+        let found = (report.summary.depth, report.summary.stack);
+        assert_eq!(found, wide.depth_and_stack(), "{what}: depth and stack");
+        with_layout!(layout, L => self.check_nodes::<L>(to, &wide, report, &what));
+        canonical
+    }
+
+    /// Nodes are written where the contraction put them, so they are held against those of the tree as it
+    /// was read, in its own order.
+    fn check_nodes<L: NodeLayout>(
+        &self,
+        to: &WideWorkspace,
+        wide: &WideBvh,
+        report: &BuildReport,
+        what: &str,
+    ) {
+        let nodes = to.read_nodes::<L>(wide.nodes.len()).unwrap();
+        let leaves: Vec<LeafTriangle> = to.triangles.read(0, self.triangles.len()).unwrap();
+        let (twin_nodes, twin_leaves) = layout::cpu::encode::<L>(wide, &self.tree, self.triangles);
+        for (i, (node, twin)) in nodes.iter().zip(&twin_nodes).enumerate() {
+            // As words, because zeros of either sign and what is no number would pass for each other.
+            let words = |n: &L::Node| bytemuck::cast_slice::<L::Node, u32>(&[*n]).to_vec();
+            assert_eq!(words(node), words(twin), "{what}: node {i}");
+        }
+        assert!(leaves == twin_leaves, "{what}: triangles differ from the twin's");
+        let depth = validate::layout::<L>(&nodes, &leaves, self.triangles);
+        assert_eq!(depth, Ok(report.summary.depth as usize), "{what}");
+        let s = stats::<L>(&nodes, size_of::<L::Node>(), &CollapseParams::default());
+        assert_eq!((s.triangles, s.depth), (self.triangles.len() as u64, report.summary.depth), "{what}");
     }
 }
 
@@ -37,27 +101,20 @@ fn check(builder: &Builder, workspace: &BuildWorkspace, triangles: &[Triangle], 
     let codes = morton::cpu::codes(triangles, &bounds, &params.morton);
     let order = sort::cpu::order(&codes);
     let expected = ploc::cpu::build(triangles, &order, bounds.scale(), &params.ploc);
-    let tree = workspace.read_tree(n).unwrap();
-    assert_eq!(validate::bvh2(&tree, triangles), Ok(()), "{what}");
-    assert_eq!(tree.levels, expected.levels, "{what}: levels");
-    assert!(tree.nodes == expected.nodes, "{what}: nodes differ from the twin's");
+    let read = Collapsed::read(workspace, triangles);
+    assert_eq!(validate::bvh2(&read.tree, triangles), Ok(()), "{what}");
+    assert_eq!(read.tree.levels, expected.levels, "{what}: levels");
+    assert!(read.tree.nodes == expected.nodes, "{what}: nodes differ from the twin's");
+    let subtrees = collapse::cpu::collapse(&read.tree, bounds.scale(), &params.collapse);
+    assert!(read.subtrees == subtrees, "{what}: subtrees differ from the twin's");
+    read.check(&workspace.wide, &report, &params.contract, None, what);
 
-    let subtrees = collapse::cpu::collapse(&tree, bounds.scale(), &params.collapse);
-    assert!(workspace.read_subtrees(n).unwrap() == subtrees, "{what}: subtrees differ from the twin's");
-    let (nodes, leaves) = binary::cpu::rearrange(&tree, &subtrees, triangles);
-    assert_eq!(report.summary.nodes as usize, nodes.len(), "{what}");
-    let read_nodes: Vec<BinaryNode> = workspace.nodes.read(0, nodes.len()).unwrap();
-    let read_leaves: Vec<LeafTriangle> = workspace.triangles.read(0, n).unwrap();
-    assert!(read_nodes == nodes, "{what}: rearranged nodes differ from the twin's");
-    assert!(read_leaves == leaves, "{what}: rearranged triangles differ from the twin's");
-    let depth = validate::layout::<Binary>(&read_nodes, &read_leaves, triangles);
-    assert_eq!(depth, Ok(report.summary.depth as usize), "{what}");
-
-    let s = stats::<Binary>(&read_nodes, &params.collapse);
-    assert_eq!((s.triangles, s.depth), (n as u64, report.summary.depth), "{what}");
-    if let Some(root) = subtrees.last() {
-        // The collapse's sums are in single precision and in the scene's scale.
-        let whole = tree.nodes[2 * n - 2].bounds().half_area(bounds.scale());
+    let layout = workspace.wide.tree(&report.summary, 0.0).layout;
+    if let (Layout::Binary, Some(root)) = (layout, subtrees.last()) {
+        // The collapse knows what its tree costs; its sums are in single precision and in the scene's scale.
+        let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();
+        let s = stats::<Binary>(&nodes, 56, &params.collapse);
+        let whole = read.tree.nodes[2 * n - 2].bounds().half_area(bounds.scale());
         if whole > 1e-30 {
             let cost = f64::from(root.cost) / f64::from(whole);
             assert!((cost - s.sah_cost).abs() <= 1e-3 * s.sah_cost, "{what}: {cost}, {}", s.sah_cost);
@@ -66,16 +123,41 @@ fn check(builder: &Builder, workspace: &BuildWorkspace, triangles: &[Triangle], 
     report
 }
 
+/// Kernels that make nodes of a tree that there is already.
+fn widen(layout: Layout, contract: &ContractParams, align: u32) -> Widen {
+    let params =
+        BuildParams { contract: contract.clone(), layout: LayoutParams { align }, ..BuildParams::default() };
+    Widen::new(gpu(), &params, layout).unwrap()
+}
+
+/// Stores the tree that was last built in every layout that builders of Binary do not make.
+fn check_other_layouts(from: &BuildWorkspace, triangles: &[Triangle], what: &str) {
+    static OTHERS: OnceLock<Vec<Widen>> = OnceLock::new();
+    let usual = ContractParams::default();
+    let others = OTHERS.get_or_init(|| Layout::ALL[1..].iter().map(|&l| widen(l, &usual, 4)).collect());
+    let read = Collapsed::read(from, triangles);
+    let buffer = gpu().upload("triangles", triangles).unwrap();
+    for other in others {
+        let to = other.workspace(triangles.len()).unwrap();
+        let report = other.build(from, &to, &buffer, triangles.len(), None).unwrap();
+        read.check(&to, &report, &usual, None, what);
+    }
+}
+
 #[test]
 fn every_small_number_of_triangles_makes_a_tree() {
-    let builder = Builder::new(gpu(), &params(10, 16)).unwrap();
+    let builder = Builder::new(gpu(), &params(10, 16), Layout::Binary).unwrap();
     let workspace = builder.workspace(70).unwrap();
+    let check = |triangles: &[Triangle], what: &str| {
+        check(&builder, &workspace, triangles, what);
+        check_other_layouts(&workspace, triangles, what);
+    };
     for n in (1..=20).chain(31..=34).chain(63..=66) {
-        check(&builder, &workspace, &scattered(n, 10.0, 1.0), &format!("{n} scattered"));
+        check(&scattered(n, 10.0, 1.0), &format!("{n} scattered"));
     }
     for n in [1, 2, 3, 17, 64] {
         for (what, triangles) in awkward(n) {
-            check(&builder, &workspace, &triangles, &format!("{n} {what}"));
+            check(&triangles, &format!("{n} {what}"));
         }
     }
     assert_silent();
@@ -83,7 +165,7 @@ fn every_small_number_of_triangles_makes_a_tree() {
 
 #[test]
 fn sizes_around_blocks_make_trees() {
-    let builder = Builder::new(gpu(), &params(16, 8)).unwrap();
+    let builder = Builder::new(gpu(), &params(16, 8), Layout::Binary).unwrap();
     let (block, tail) = (builder.ploc().block(), builder.ploc().tail());
     let workspace = builder.workspace(33 * block + 1).unwrap();
     let mut sizes = vec![255, 256, 257, 1023, 1024, 1025, 4096];
@@ -91,18 +173,24 @@ fn sizes_around_blocks_make_trees() {
         sizes.extend([at - 1, at, at + 1]);
     }
     for n in sizes {
-        check(&builder, &workspace, &terrain(n), &format!("{n} of a terrain"));
+        let (triangles, what) = (terrain(n), format!("{n} of a terrain"));
+        check(&builder, &workspace, &triangles, &what);
+        if [255, 1025, 4096].contains(&n) {
+            check_other_layouts(&workspace, &triangles, &what);
+        }
     }
     assert_silent();
 }
 
 #[test]
 fn awkward_scenes_make_trees() {
-    let builder = Builder::new(gpu(), &params(21, 16)).unwrap();
+    let builder = Builder::new(gpu(), &params(21, 16), Layout::Binary).unwrap();
     let workspace = builder.workspace(3000).unwrap();
     for n in [700, 3000] {
         for (what, triangles) in awkward(n) {
-            check(&builder, &workspace, &triangles, &format!("{n} {what}"));
+            let what = format!("{n} {what}");
+            check(&builder, &workspace, &triangles, &what);
+            check_other_layouts(&workspace, &triangles, &what);
         }
     }
     assert_silent();
@@ -112,7 +200,7 @@ fn awkward_scenes_make_trees() {
 fn any_radius_and_grid_make_trees() {
     let triangles = scattered(5000, 10.0, 0.3);
     for (bits, radius) in [(1, 16), (9, 1), (10, 2), (11, 3), (21, 64)] {
-        let builder = Builder::new(gpu(), &params(bits, radius)).unwrap();
+        let builder = Builder::new(gpu(), &params(bits, radius), Layout::Binary).unwrap();
         let workspace = builder.workspace(triangles.len()).unwrap();
         check(&builder, &workspace, &triangles, &format!("{bits} bits, radius {radius}"));
     }
@@ -122,14 +210,17 @@ fn any_radius_and_grid_make_trees() {
 #[test]
 fn leaf_sizes_and_costs_are_obeyed() {
     let triangles = terrain(3000);
+    let buffer = gpu().upload("triangles", &triangles).unwrap();
     for (traversal_cost, max_leaf) in [(2.0, 1), (2.0, 4), (1e6, 16), (0.0, 16)] {
         let collapse = CollapseParams { traversal_cost, max_leaf, ..Default::default() };
         let params = BuildParams { collapse, ..Default::default() };
-        let built = build(gpu(), &gpu().upload("triangles", &triangles).unwrap(), 3000, &params).unwrap();
-        let nodes: Vec<BinaryNode> = built.nodes.read(0, built.report.summary.nodes as usize).unwrap();
-        let leaves: Vec<LeafTriangle> = built.triangles.read(0, 3000).unwrap();
+        let builder = Builder::new(gpu(), &params, Layout::Binary).unwrap();
+        let workspace = builder.workspace(3000).unwrap();
+        let report = builder.build(&workspace, &buffer, 3000, false).unwrap();
+        let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();
+        let leaves: Vec<LeafTriangle> = workspace.wide.triangles.read(0, 3000).unwrap();
         validate::layout::<Binary>(&nodes, &leaves, &triangles).unwrap();
-        let s = stats::<Binary>(&nodes, &params.collapse);
+        let s = stats::<Binary>(&nodes, 56, &params.collapse);
         let largest = s.triangles_histogram.iter().rposition(|&c| c > 0).unwrap();
         assert!(largest <= max_leaf as usize, "{largest} triangles in a leaf");
         match (traversal_cost, max_leaf) {
@@ -139,6 +230,7 @@ fn leaf_sizes_and_costs_are_obeyed() {
             (0.0, _) => assert!(s.triangles_per_leaf < 1.5, "{}", s.triangles_per_leaf),
             _ => {}
         }
+        check_other_layouts(&workspace, &triangles, &format!("c_t {traversal_cost}, leaves of {max_leaf}"));
     }
     assert_silent();
 }
@@ -146,7 +238,7 @@ fn leaf_sizes_and_costs_are_obeyed() {
 #[test]
 fn rows_of_identical_boxes_halve_at_once() {
     let n = 1 << 14;
-    let builder = Builder::new(gpu(), &BuildParams::default()).unwrap();
+    let builder = builder_of(Layout::Binary);
     let workspace = builder.workspace(n).unwrap();
     let buffer = gpu().upload("triangles", &awkward(n)[0].1).unwrap();
     let report = builder.build(&workspace, &buffer, n, false).unwrap();
@@ -158,14 +250,14 @@ fn rows_of_identical_boxes_halve_at_once() {
 #[test]
 fn a_workspace_serves_scenes_that_need_more_or_less_than_the_last() {
     let n = 20_000;
-    let builder = Builder::new(gpu(), &BuildParams::default()).unwrap();
+    let builder = builder_of(Layout::Binary);
     let workspace = builder.workspace(n).unwrap();
     let identical = awkward(n).swap_remove(0).1;
-    check(&builder, &workspace, &identical, "identical");
-    check(&builder, &workspace, &terrain(n), "a terrain after identical ones");
-    let second = check(&builder, &workspace, &terrain(n), "a terrain again");
+    check(builder, &workspace, &identical, "identical");
+    check(builder, &workspace, &terrain(n), "a terrain after identical ones");
+    let second = check(builder, &workspace, &terrain(n), "a terrain again");
     assert_eq!(second.recorded, second.summary.iterations);
-    check(&builder, &workspace, &identical, "identical after a terrain");
+    check(builder, &workspace, &identical, "identical after a terrain");
     assert_silent();
 }
 
@@ -173,10 +265,10 @@ fn a_workspace_serves_scenes_that_need_more_or_less_than_the_last() {
 #[test]
 fn a_slow_clustering_is_continued() {
     let n = 20_000;
-    let builder = Builder::new(gpu(), &BuildParams::default()).unwrap();
+    let builder = builder_of(Layout::Binary);
     let workspace = builder.workspace(n).unwrap();
     let (what, nest) = awkward(n).swap_remove(4);
-    let report = check(&builder, &workspace, &nest, what);
+    let report = check(builder, &workspace, &nest, what);
     assert!(report.recorded > builder.ploc().iterations(n), "{} recorded", report.recorded);
     assert_silent();
 }
@@ -184,19 +276,248 @@ fn a_slow_clustering_is_continued() {
 #[test]
 fn a_million_triangles_in_one_plane_make_a_tree() {
     let n = 1_000_000;
-    let triangles = &awkward(n)[2].1;
-    let built =
-        build(gpu(), &gpu().upload("triangles", triangles).unwrap(), n, &BuildParams::default()).unwrap();
-    let nodes: Vec<BinaryNode> = built.nodes.read(0, built.report.summary.nodes as usize).unwrap();
-    let leaves: Vec<LeafTriangle> = built.triangles.read(0, n).unwrap();
-    let depth = validate::layout::<Binary>(&nodes, &leaves, triangles);
-    assert_eq!(depth, Ok(built.report.summary.depth as usize));
+    let mut random = Random(7);
+    let triangles: Vec<Triangle> =
+        (0..n).map(|_| std::array::from_fn(|_| [random.unit(), 0.25, random.unit()])).collect();
+    let buffer = gpu().upload("triangles", &triangles).unwrap();
+    let builder = builder_of(Layout::Binary);
+    let workspace = builder.workspace(n).unwrap();
+    let report = builder.build(&workspace, &buffer, n, false).unwrap();
+    let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();
+    let leaves: Vec<LeafTriangle> = workspace.wide.triangles.read(0, n).unwrap();
+    let depth = validate::layout::<Binary>(&nodes, &leaves, &triangles);
+    assert_eq!(depth, Ok(report.summary.depth as usize));
     assert_silent();
 }
 
 #[test]
 fn an_empty_scene_is_an_error() {
+    let builder = builder_of(Layout::Binary);
+    assert!(matches!(builder.workspace(0), Err(BuildError::Empty)));
+    let workspace = builder.workspace(1).unwrap();
     let buffer = gpu().buffer("nothing", 0).unwrap();
-    let refused = build(gpu(), &buffer, 0, &BuildParams::default());
-    assert!(matches!(refused, Err(BuildError::Empty)));
+    assert!(matches!(builder.build(&workspace, &buffer, 0, false), Err(BuildError::Empty)));
+}
+
+/// One layout for each number of children, the one whose nodes hold what the contraction decided as it is.
+const BY_ARITY: [Layout; 4] = [Layout::Binary, Layout::Wide4, Layout::Wide6, Layout::Wide8];
+
+/// Visits of inner nodes as sample rays might count them: no child is visited more often than its parent,
+/// siblings may be equal, and whole subtrees are never seen.
+fn some_visits(tree: &Bvh2) -> Vec<u32> {
+    let mut random = Random(tree.leaves as u64);
+    let mut counts = vec![0; tree.leaves - 1];
+    if let Some(root) = counts.last_mut() {
+        *root = 1000;
+    }
+    for index in (0..counts.len()).rev() {
+        let node = tree.nodes[tree.leaves + index];
+        for child in [node.left, node.right] {
+            if let Some(child) = (child as usize).checked_sub(tree.leaves) {
+                counts[child] = match random.next() % 8 {
+                    0 => 0,
+                    1..4 => counts[index],
+                    _ => counts[index] * (random.next() % 100) as u32 / 100,
+                };
+            }
+        }
+    }
+    counts
+}
+
+#[test]
+fn both_forms_of_contraction_make_the_same_tree() {
+    let builder = builder_of(Layout::Binary);
+    let scenes: Vec<_> = [1, 2, 3, 9, 40, 1500]
+        .into_iter()
+        .map(|n| (format!("{n} scattered"), scattered(n, 10.0, 1.0)))
+        .chain([("a terrain".to_owned(), terrain(1200))])
+        .chain([0, 4].map(|i| awkward(300).swap_remove(i)).map(|(what, t)| (what.to_owned(), t)))
+        .collect();
+    // What every form has to make of every scene, and the scene's own visits.
+    let built: Vec<_> = scenes
+        .iter()
+        .map(|(what, triangles)| {
+            let workspace = builder.workspace(triangles.len()).unwrap();
+            let buffer = gpu().upload("triangles", triangles).unwrap();
+            builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
+            let read = Collapsed::read(&workspace, triangles);
+            let counts = some_visits(&read.tree);
+            let visits = gpu().upload("visits", &[&counts[..], &[0]].concat()).unwrap();
+            (what, workspace, buffer, read, counts, visits)
+        })
+        .collect();
+    let threshold = 20;
+    for layout in BY_ARITY {
+        for &method in Contraction::ALL {
+            let params = |form| ContractParams { method, alpha: 0.3, form };
+            let forms =
+                [Form::Levels, Form::Handover].map(|form| (params(form), widen(layout, &params(form), 4)));
+            assert_eq!(forms.each_ref().map(|(_, w)| w.form()), [Form::Levels, Form::Handover]);
+            for (what, workspace, buffer, read, counts, visits) in &built {
+                let n = read.tree.leaves;
+                let on_device = method.by_view().then_some(Visits { counts: visits, threshold });
+                let on_host = method.by_view().then_some(contract::cpu::Visits { counts, threshold });
+                let trees = forms.each_ref().map(|(params, widen)| {
+                    let what = format!("{what}, {method}, {:?}", params.form);
+                    let to = widen.workspace(n).unwrap();
+                    let report = widen.build(workspace, &to, buffer, n, on_device).unwrap();
+                    read.check(&to, &report, params, on_host, &what)
+                });
+                assert!(trees[0] == trees[1], "{what}, {method}: the forms' trees differ");
+            }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn contractions_that_do_not_fill_obey_alpha() {
+    let triangles = terrain(2000);
+    let n = triangles.len();
+    let builder = builder_of(Layout::Binary);
+    let workspace = builder.workspace(n).unwrap();
+    let buffer = gpu().upload("triangles", &triangles).unwrap();
+    builder.build(&workspace, &buffer, n, false).unwrap();
+    let read = Collapsed::read(&workspace, &triangles);
+    // Everything has been seen, more often the higher up.
+    let counts: Vec<u32> = read.subtrees.iter().map(|s| s.triangles).collect();
+    let counts_buffer = gpu().upload("visits", &counts).unwrap();
+    let visits = Some(Visits { counts: &counts_buffer, threshold: 0 });
+    let on_host = Some(contract::cpu::Visits { counts: &counts, threshold: 0 });
+    let children = |node: &contract::WideNode| node.leaves.len() + node.nodes.len();
+    for layout in [Layout::Wide4, Layout::Wide8] {
+        let most = layout.arity();
+        for method in [Contraction::Satc, Contraction::Rdtc] {
+            let mut means = Vec::new();
+            for alpha in [0.0, 0.4, 0.7, 1.0, f32::INFINITY] {
+                let params = ContractParams { method, alpha, form: Form::Auto };
+                let widen = widen(layout, &params, 4);
+                let to = widen.workspace(n).unwrap();
+                let what = format!("{method}, alpha {alpha}");
+                let report = widen.build(&workspace, &to, &buffer, n, visits).unwrap();
+                let wide = read.check(&to, &report, &params, on_host, &what);
+                if alpha == 0.0 {
+                    // Everything is opened, as where nodes are filled: those that are not full have no child
+                    // left that could be opened.
+                    let full = |node: &contract::WideNode| children(node) == most || node.nodes.is_empty();
+                    assert!(wide.nodes.iter().all(full), "{what}, {layout:?}");
+                }
+                if alpha >= 1.0 {
+                    // No child is larger than its parent.
+                    assert!(wide.nodes.iter().all(|node| children(node) == 2), "{what}, {layout:?}");
+                    let inner = read.subtrees.last().unwrap().inner;
+                    assert_eq!(wide.nodes.len(), inner as usize, "{what}, {layout:?}");
+                }
+                means.push(wide.nodes.iter().map(children).sum::<usize>() as f64 / wide.nodes.len() as f64);
+            }
+            assert!(means.is_sorted_by(|a, b| a >= b), "{method}, {layout:?}: children a node {means:?}");
+            assert!(means[0] > means[1] + 0.1 && means[2] > 2.01, "{method}, {layout:?}: {means:?}");
+        }
+    }
+    assert_silent();
+}
+
+/// Both kinds of contraction remember how many levels the last tree had.
+#[test]
+fn kernels_for_wide_trees_serve_scenes_of_more_or_fewer_levels_than_the_last() {
+    let n = 3000;
+    let builder = builder_of(Layout::Binary);
+    let build = |triangles: &[Triangle]| {
+        let workspace = builder.workspace(n).unwrap();
+        let buffer = gpu().upload("triangles", triangles).unwrap();
+        builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
+        (workspace, buffer)
+    };
+    let (identical, nest) = (awkward(n).swap_remove(0).1, awkward(n).swap_remove(4).1);
+    let few = scattered(2, 1.0, 1.0);
+    let scenes = [&identical, &nest, &few, &nest, &nest, &identical];
+    let built = scenes.map(|triangles| build(triangles));
+    let params = ContractParams::default();
+    for layout in BY_ARITY {
+        let widen = widen(layout, &params, 4);
+        let to = widen.workspace(n).unwrap();
+        let depths: Vec<u32> = scenes
+            .iter()
+            .zip(&built)
+            .enumerate()
+            .map(|(i, (triangles, (workspace, buffer)))| {
+                let read = Collapsed::read(workspace, triangles);
+                let report = widen.build(workspace, &to, buffer, triangles.len(), None).unwrap();
+                read.check(&to, &report, &params, None, &format!("scene {i}"));
+                report.summary.depth
+            })
+            .collect();
+        // One box in the next is deeper than what is recorded on suspicion, even once more than that.
+        if layout == Layout::Binary {
+            assert!(depths[1] > 64, "{depths:?}");
+        }
+        assert!(depths[2] == 1 && depths[0] > 1 && depths[1] > depths[0], "{depths:?}");
+    }
+    assert_silent();
+}
+
+#[test]
+fn nodes_may_lie_further_apart_than_they_are_long() {
+    let triangles = terrain(700);
+    let n = triangles.len();
+    let builder = builder_of(Layout::Binary);
+    let workspace = builder.workspace(n).unwrap();
+    let buffer = gpu().upload("triangles", &triangles).unwrap();
+    builder.build(&workspace, &buffer, n, false).unwrap();
+    let read = Collapsed::read(&workspace, &triangles);
+    let usual = ContractParams::default();
+    for &layout in Layout::ALL {
+        for align in [4, 8, 16] {
+            let widen = widen(layout, &usual, align);
+            let to = widen.workspace(n).unwrap();
+            let report = widen.build(&workspace, &to, &buffer, n, None).unwrap();
+            let what = format!("aligned to {align}");
+            read.check(&to, &report, &usual, None, &what);
+            let stride = to.tree(&report.summary, 0.0).stride;
+            assert_eq!(stride, layout.node_bytes().next_multiple_of(align as usize), "{what}, {layout:?}");
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn a_builder_of_any_layout_builds_from_triangles_to_nodes() {
+    for &layout in Layout::ALL {
+        let builder = builder_of(layout);
+        let workspace = builder.workspace(2500).unwrap();
+        for n in [1, 2, 5, 300, 2500, 4] {
+            check(builder, &workspace, &terrain(n), &format!("{n} of a terrain"));
+        }
+    }
+    assert_silent();
+}
+
+/// Boxes in one node whose sizes have nothing to do with each other, up to the largest floats.
+#[test]
+fn coordinates_of_every_magnitude_are_encoded_as_the_twin_does() {
+    let mut random = Random(29);
+    let mut magnitude = |most: f32| {
+        let power = (2.0 * random.unit() - 1.0) * most;
+        (random.unit() - 0.5) * 10f32.powf(power)
+    };
+    let mut scene = |most: f32, n: usize| -> Vec<Triangle> {
+        (0..n).map(|_| std::array::from_fn(|_| std::array::from_fn(|_| magnitude(most)))).collect()
+    };
+    let mut scenes = vec![("to 1e17", scene(17.0, 400)), ("to 1e37", scene(37.0, 400))];
+    let corner = |x: f32| [[x; 3], [x, 0.0, 1.0], [0.0, x, x]];
+    scenes
+        .push(("to the ends of floats", [f32::MAX, -f32::MAX, 1.0, 1e30, -1e-16, 1e-16].map(corner).into()));
+    // Compared with a step of the second one's grid, the first is nothing.
+    let diagonal = |lo: f32, hi: f32| [[lo; 3], [hi; 3], [lo, hi, lo]];
+    scenes.push(("next to nothing", vec![diagonal(-1e-25, 1e-25), diagonal(0.0, 1e30)]));
+    let builder = builder_of(Layout::Binary);
+    for (what, triangles) in &scenes {
+        let n = triangles.len();
+        let workspace = builder.workspace(n).unwrap();
+        let buffer = gpu().upload("triangles", triangles).unwrap();
+        builder.build(&workspace, &buffer, n, false).unwrap();
+        check_other_layouts(&workspace, triangles, what);
+    }
+    assert_silent();
 }

@@ -2,13 +2,20 @@
 
 mod support;
 
-use std::collections::HashMap;
-use support::{assert_silent, awkward, builder, gpu, icosphere, mesh, plant, scattered, scene, view};
+use std::collections::{HashMap, HashSet};
+use support::{
+    Planted, assert_silent, awkward, builder, builder_of, gpu, icosphere, mesh, plant, scattered, scene,
+    traversal, view,
+};
 use tracer::{
+    Error,
+    builder::{BuildParams, Widen},
     bvh2::Triangle,
-    path::{Camera, DeviceScene, Params, PathTracer, Sample, Wavefront},
+    contract::{ContractParams, Contraction, VisitCounter, Visits},
+    layout::Layout,
+    path::{Camera, DeviceScene, Params, PathTracer, Sample, Sampling, SingleKernel, Wavefront},
     scene::{self as scenes, Scene, SearchPath, Sky, View},
-    traverse::{self, Hit, Ray, Traversal},
+    traverse::{self, Counting, Hit, Ray, Traversal, Tree},
 };
 
 type Point = [f32; 3];
@@ -26,7 +33,7 @@ fn render(
 ) -> (Vec<[f32; 4]>, Vec<Sample>) {
     let planted = plant(builder(), &scene.positions);
     let device = DeviceScene::upload(gpu(), scene).unwrap();
-    let traversal = Traversal::new(gpu(), traversal, planted.tree.depth, false).unwrap();
+    let traversal = Traversal::new(gpu(), traversal, &planted.tree, Counting::Nothing).unwrap();
     let tracer = PathTracer::new(gpu(), &device, SIZE, params, false).unwrap();
     let camera = Camera::new(view, SIZE.0, SIZE.1);
     tracer.clear().unwrap();
@@ -40,7 +47,8 @@ fn render(
 fn wavefronts(scene: &Scene, view: &View, params: &Params, sample: u32) -> Vec<Wavefront> {
     let planted = plant(builder(), &scene.positions);
     let device = DeviceScene::upload(gpu(), scene).unwrap();
-    let traversal = Traversal::new(gpu(), &traverse::Params::default(), planted.tree.depth, false).unwrap();
+    let traversal =
+        Traversal::new(gpu(), &traverse::Params::default(), &planted.tree, Counting::Nothing).unwrap();
     let tracer = PathTracer::new(gpu(), &device, SIZE, params, false).unwrap();
     let camera = Camera::new(view, SIZE.0, SIZE.1);
     tracer.clear().unwrap();
@@ -224,8 +232,14 @@ fn a_picture_depends_on_its_seed_and_on_nothing_else() {
     let (first, _) = render(&room, &room.views[0], &eight, &usual, 2);
     let (again, _) = render(&room, &room.views[0], &eight, &usual, 2);
     assert!(bits(&first) == bits(&again), "the same seed gives the same bytes");
-    let other_launch =
-        traverse::Params { primary_subgroups: 1, secondary_subgroups: 3, fetch_below: 1.0, ..usual };
+    let other_launch = traverse::Params {
+        primary_subgroups: 1,
+        secondary_subgroups: 3,
+        primary_fetch_below: 1.0,
+        primary_vote: 1.0,
+        secondary_vote: 0.0,
+        ..usual
+    };
     let (launched, _) = render(&room, &room.views[0], &eight, &other_launch, 2);
     // Where a ray meets an edge, the order in which triangles are tested decides between its sides.
     let same = first.iter().zip(&launched).filter(|(a, b)| a == b).count();
@@ -374,6 +388,229 @@ fn awkward_scenes_give_finite_pictures() {
         );
         let bad = picture.iter().filter(|p| !p.iter().all(|x| (0.0..10.0).contains(x))).count();
         assert_eq!(bad, 0, "{what}: pixels that are not finite");
+    }
+    assert_silent();
+}
+
+/// A room whose far half no primary ray sees, with a tree over it and what sample rays need.
+struct Sampled<'s> {
+    scene: &'s Scene,
+    device: DeviceScene,
+    planted: Planted,
+    counter: VisitCounter,
+}
+
+impl<'s> Sampled<'s> {
+    fn new(scene: &'s Scene) -> Self {
+        Self {
+            scene,
+            device: DeviceScene::upload(gpu(), scene).unwrap(),
+            planted: plant(builder(), &scene.positions),
+            counter: VisitCounter::new(gpu(), scene.positions.len()).unwrap(),
+        }
+    }
+
+    /// Visits of each inner node of the binary tree.
+    fn visits(&self, tracer: &PathTracer<'_>, view: &View, sampling: &Sampling) -> Vec<u32> {
+        let camera = Camera::new(view, SIZE.0, SIZE.1);
+        let tree = &self.planted.tree;
+        let kernels = traversal(tree, Counting::Visits);
+        let milliseconds = tracer
+            .sample_visits(kernels, tree, &camera, sampling, &self.planted.workspace, &self.counter)
+            .unwrap();
+        assert!(milliseconds > 0.0);
+        self.counter.by_inner.read(0, self.scene.positions.len() - 1).unwrap()
+    }
+}
+
+/// A ball before the camera, and another one behind it that light reaches only by way of the first.
+fn two_balls() -> Scene {
+    let ball = icosphere(3);
+    let at = |z: f32, radius: f32| -> Vec<Triangle> {
+        mesh(&ball).iter().map(|t| t.map(|p| [radius * p[0], radius * p[1], radius * p[2] + z])).collect()
+    };
+    scene([at(-3.0, 1.5), at(6.0, 2.0)].concat(), [0.7; 3], [0.0; 3], [1.0; 3])
+}
+
+#[test]
+fn sample_rays_count_how_often_each_node_is_visited() {
+    let balls = two_balls();
+    let sampled = Sampled::new(&balls);
+    let n = balls.positions.len();
+    let tree = sampled.planted.workspace.read_tree(n).unwrap();
+    let subtrees = sampled.planted.workspace.read_subtrees(n).unwrap();
+    let ahead = view([0.0; 3], [0.0, 0.0, -1.0], 70.0);
+    let params = Params { depth: 4, seed: 2 };
+    let tracer = PathTracer::new(gpu(), &sampled.device, SIZE, &params, true).unwrap();
+    // What the same rays cost, as the kernels that count by ray find it: sample rays take the last of all
+    // samples' random numbers.
+    let mut waves = Vec::new();
+    tracer
+        .wavefronts(
+            traversal(&sampled.planted.tree, Counting::Rays),
+            &sampled.planted.tree,
+            &Camera::new(&ahead, SIZE.0, SIZE.1),
+            u32::MAX,
+            |wave| {
+                waves.push(wave);
+                true
+            },
+        )
+        .unwrap();
+    for (depth_limit, subsampling) in [(0, 1), (0, 64), (1, 1), (3, 1), (2, 7), (3, 64), (9, 1)] {
+        let what = format!("{depth_limit} bounces, each pixel of {subsampling}");
+        let sampling = Sampling { depth_limit, subsampling, ..Sampling::default() };
+        let visits = sampled.visits(&tracer, &ahead, &sampling);
+        // Rays go through the pixels at every so-many-th place of the Z-order curve, which is the order of
+        // wavefronts, and of the later ones those whose pixels these are.
+        let every: HashSet<u32> = waves[0].pixels.iter().copied().step_by(subsampling as usize).collect();
+        assert_eq!(every.len(), PIXELS.div_ceil(subsampling as usize), "{what}");
+        let (mut rays, mut nodes) = (0u64, 0u64);
+        for wave in &waves[..waves.len().min(depth_limit as usize + 1)] {
+            for (pixel, counts) in wave.pixels.iter().zip(&wave.counts) {
+                if every.contains(pixel) {
+                    rays += 1;
+                    nodes += u64::from(counts.nodes);
+                }
+            }
+        }
+        // Every ray visits the root. A handful may hit the other of two triangles at their edge, because
+        // which is tested first depends on scheduling, and go on elsewhere.
+        let root = u64::from(*visits.last().unwrap());
+        assert!(root.abs_diff(rays) <= 2 + rays / 10_000, "{what}: {root} visits of the root, {rays} rays");
+        if depth_limit == 0 {
+            assert_eq!(root, PIXELS.div_ceil(subsampling as usize) as u64, "{what}");
+        }
+        // While a lane has a leaf postponed it visits nodes that the leaf may cut off; how many depends on
+        // which rays share its subgroup, and that differs from launch to launch.
+        let sum: u64 = visits.iter().map(|&v| u64::from(v)).sum();
+        assert!(sum.abs_diff(nodes) <= 20 + nodes / 50, "{what}: {sum} visits, {nodes} by ray");
+        let mut unseen = 0;
+        for (index, &own) in visits.iter().enumerate() {
+            let node = tree.nodes[n + index];
+            for child in [node.left, node.right].into_iter().filter_map(|c| (c as usize).checked_sub(n)) {
+                assert!(visits[child] <= own, "{what}: {} visits below {own}", visits[child]);
+            }
+            assert!(own == 0 || subtrees[index].inner > 0, "{what}: a leaf has {own} visits");
+            // The ball behind the camera: no primary ray meets it, but those that bounce do.
+            if subtrees[index].inner > 0 && node.lo[2] > 1.0 {
+                unseen += u64::from(own);
+            }
+        }
+        assert_eq!(unseen == 0, depth_limit == 0, "{what}: {unseen} visits behind the camera");
+    }
+    // Another view, in which nobody sees the first ball: nothing is left of the counts before.
+    let sampling = Sampling { depth_limit: 0, subsampling: 1, ..Sampling::default() };
+    let behind = view([0.0; 3], [0.0, 0.0, 1.0], 70.0);
+    let visits = sampled.visits(&tracer, &behind, &sampling);
+    let seen = |z: fn(f32, f32) -> bool| -> u64 {
+        let inner =
+            visits.iter().enumerate().filter(|(i, _)| z(tree.nodes[n + i].lo[2], tree.nodes[n + i].hi[2]));
+        inner.map(|(_, &v)| u64::from(v)).sum()
+    };
+    assert_eq!((seen(|_, hi| hi < -1.0), visits.last().copied()), (0, Some(PIXELS as u32)));
+    assert!(seen(|lo, _| lo > 1.0) > PIXELS as u64);
+    assert_silent();
+}
+
+#[test]
+fn trees_contracted_by_view_lead_to_the_same_hits() {
+    let balls = two_balls();
+    let sampled = Sampled::new(&balls);
+    let n = balls.positions.len();
+    let params = Params { depth: 3, seed: 2 };
+    let tracer = PathTracer::new(gpu(), &sampled.device, SIZE, &params, false).unwrap();
+    let ahead = view([0.0; 3], [0.0, 0.0, -1.0], 70.0);
+    let camera = Camera::new(&ahead, SIZE.0, SIZE.1);
+    let hits = |tree: &Tree| {
+        let mut hits = Vec::new();
+        let kernels = traversal(tree, Counting::Nothing);
+        tracer
+            .wavefronts(kernels, tree, &camera, 0, |wave| {
+                hits.push((wave.pixels, wave.hits));
+                true
+            })
+            .unwrap();
+        hits
+    };
+    let want = hits(&sampled.planted.tree);
+    let sampling = Sampling { subsampling: 4, ..Sampling::default() };
+    let counts = sampled.visits(&tracer, &ahead, &sampling);
+    assert!(counts.iter().any(|&c| c > sampling.threshold));
+    let visits = Visits { counts: &sampled.counter.by_inner, threshold: sampling.threshold };
+    for layout in [Layout::Wide4, Layout::Quantized8] {
+        let trees: Vec<_> = [Contraction::Sah, Contraction::Cbtc, Contraction::Rdtc]
+            .into_iter()
+            .map(|method| {
+                let contract = ContractParams { method, ..ContractParams::default() };
+                let widen =
+                    Widen::new(gpu(), &BuildParams { contract, ..BuildParams::default() }, layout).unwrap();
+                let to = widen.workspace(n).unwrap();
+                let report = widen
+                    .build(&sampled.planted.workspace, &to, &sampled.device.positions, n, Some(visits))
+                    .unwrap();
+                let tree = to.tree(&report.summary, sampled.device.extent);
+                let got = hits(&tree);
+                assert_eq!(got.len(), want.len());
+                for (depth, (got, want)) in got.iter().zip(&want).enumerate() {
+                    // Where two triangles meet, either may be hit; the distance is the same.
+                    let at: HashMap<u32, Hit> = got.0.iter().copied().zip(got.1.iter().copied()).collect();
+                    let same = |(pixel, want): (&u32, &Hit)| {
+                        let near = |got: &Hit| got.t == want.t || (got.t - want.t).abs() <= 1e-4 * want.t;
+                        at.get(pixel).is_some_and(near)
+                    };
+                    let same = want.0.iter().zip(&want.1).filter(|pair| same(*pair)).count();
+                    let least = if depth == 0 { want.0.len() } else { want.0.len() * 999 / 1000 };
+                    assert!(same >= least, "{layout:?}, {method}, depth {depth}: {same} hits of {least}");
+                }
+                let wide = to.read_wide(report.summary.nodes as usize).unwrap();
+                wide.canonical()
+            })
+            .collect();
+        assert!(trees[0] != trees[1] && trees[1] != trees[2], "{layout:?}: visits make a difference");
+    }
+    assert_silent();
+}
+
+/// One workgroup on a CPU driver, which waits for nobody; as many as run at once where they may wait.
+#[test]
+fn a_single_kernel_paints_the_same_picture() {
+    let room = scenes::load("cornell:triangles=300", &SearchPath::only([])).unwrap();
+    let size = (24, 16);
+    let path = Params { depth: 4, seed: 1 };
+    let device = DeviceScene::upload(gpu(), &room).unwrap();
+    let camera = Camera::new(&room.views[0], size.0, size.1);
+    let tracer = PathTracer::new(gpu(), &device, size, &path, false).unwrap();
+    for &layout in Layout::ALL {
+        let planted = plant(builder_of(layout), &room.positions);
+        let params = traverse::Params::default();
+        let separate = Traversal::new(gpu(), &params, &planted.tree, Counting::Nothing).unwrap();
+        let single = match SingleKernel::new(gpu(), &params, &planted.tree) {
+            Err(Error::NoClock { device }) => {
+                println!("SKIPPED: {device} has no clock for kernels");
+                return;
+            }
+            made => made.unwrap(),
+        };
+        let paint = |sample: &dyn Fn(u32) -> Sample| {
+            tracer.clear().unwrap();
+            let rays: Vec<Vec<u64>> =
+                (0..2).map(|i| sample(i).waves.iter().map(|w| w.rays).collect()).collect();
+            (rays, tracer.picture().unwrap())
+        };
+        let (rays, want) = paint(&|i| tracer.sample(&separate, &planted.tree, &camera, i).unwrap());
+        let (rays_in_one, found) = paint(&|i| {
+            let sample = tracer.sample_in_one(&single, &planted.tree, &camera, i).unwrap();
+            let waves: f64 = sample.waves.iter().map(|w| w.milliseconds).sum();
+            assert!(waves > 0.0 && waves <= sample.milliseconds, "{waves} of {} ms", sample.milliseconds);
+            sample
+        });
+        assert_eq!(rays[0][0], 24 * 16);
+        for (a, b) in rays.iter().flatten().zip(rays_in_one.iter().flatten()) {
+            assert!(a.abs_diff(*b) <= 2, "{layout:?}: {rays:?}, {rays_in_one:?}");
+        }
+        let same = want.iter().zip(&found).filter(|(a, b)| a == b).count();
+        assert!(same > 24 * 16 * 98 / 100, "{layout:?}: {same} pixels are the same");
     }
     assert_silent();
 }

@@ -29,7 +29,10 @@ fn included(source: &Path, all: &mut BTreeSet<PathBuf>) {
     }
     for line in fs::read_to_string(source).unwrap().lines() {
         if let Some(name) = line.trim().strip_prefix("#include \"").and_then(|l| l.strip_suffix('"')) {
-            included(&root().join("shaders").join(name), all);
+            // From the shared folder or, where one stage needs another's, from `src`.
+            let file = ["shaders", "src"].map(|folder| root().join(folder).join(name));
+            let file = file.iter().find(|f| f.exists()).unwrap_or_else(|| panic!("no {name}"));
+            included(file, all);
         }
     }
 }
@@ -67,6 +70,7 @@ fn every_include_is_included() {
     below(&root().join("src"), "comp", &mut sources);
     sources.iter().for_each(|s| included(s, &mut used));
     below(&root().join("shaders"), "glsl", &mut there);
+    below(&root().join("src"), "glsl", &mut there);
     for file in there {
         assert!(used.contains(&file), "no shader includes {}", file.display());
     }
@@ -82,5 +86,49 @@ fn no_compiled_shader_is_committed() {
             assert!(compiled.is_empty(), "{compiled:?}");
         }
         _ => println!("SKIPPED: not a git checkout"),
+    }
+}
+
+/// The exchanges of the network for so many children in `order.glsl`, as the preprocessor leaves them.
+fn exchanges(arity: usize) -> Vec<(usize, usize)> {
+    let source = include_str!("../src/traverse/order.glsl");
+    let body = &source[source.find("void order(").expect("the function")..];
+    let (mut found, mut taken, mut active) = (Vec::new(), false, true);
+    for line in body.lines().map(str::trim) {
+        let condition = line.strip_prefix("#if ").or_else(|| line.strip_prefix("#elif "));
+        if let Some(condition) = condition {
+            active = condition == format!("ARITY == {arity}");
+            taken |= active;
+        } else if line == "#else" {
+            active = !taken;
+        } else if line == "#endif" {
+            break;
+        } else if active {
+            for pair in line.split("EXCHANGE(").skip(1) {
+                let (pair, _) = pair.split_once(')').expect("a closing bracket");
+                let (i, j) = pair.split_once(", ").expect("two indices");
+                found.push((i.parse().unwrap(), j.parse().unwrap()));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn sorting_networks_sort_with_the_fewest_exchanges() {
+    for (arity, fewest) in [(2, 1), (4, 5), (6, 12), (8, 19)] {
+        let network = exchanges(arity);
+        assert_eq!(network.len(), fewest, "{arity} children");
+        assert!(network.iter().all(|&(i, j)| i < j && j < arity), "{arity} children: {network:?}");
+        // A network that sorts all sequences of zeros and ones sorts everything (Knuth 5.3.4, theorem Z).
+        for bits in 0..1u32 << arity {
+            let mut values: Vec<u32> = (0..arity).map(|i| bits >> i & 1).collect();
+            for &(i, j) in &network {
+                if values[j] < values[i] {
+                    values.swap(i, j);
+                }
+            }
+            assert!(values.is_sorted(), "{arity} children: {bits:b} becomes {values:?}");
+        }
     }
 }

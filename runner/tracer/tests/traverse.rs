@@ -3,25 +3,21 @@
 mod support;
 
 use rayon::prelude::*;
-use std::sync::OnceLock;
-use support::{Planted, Random, assert_silent, awkward, builder, gpu, icosphere, mesh, plant, scattered};
+use support::{
+    Planted, Random, assert_silent, awkward, builder, builder_of, gpu, icosphere, mesh, plant, scattered,
+    traversal,
+};
 use tracer::{
     Error,
     builder::{BuildParams, Builder},
     bvh2::Triangle,
     collapse::CollapseParams,
     gpu::Pass,
-    layout::binary::Binary,
-    traverse::{Buffers, Counts, Hit, Params, Queue, Ray, Traversal, Wave, cpu},
+    layout::{Layout, LayoutParams},
+    traverse::{Buffers, Counting, Counts, Hit, Params, Queue, Ray, Traversal, Wave, cpu},
 };
 
 type Point = [f32; 3];
-
-/// The kernels with the usual parameters, which count; for trees of a depth below 64.
-fn usual() -> &'static Traversal {
-    static KERNELS: OnceLock<Traversal> = OnceLock::new();
-    KERNELS.get_or_init(|| Traversal::new(gpu(), &Params::default(), 0, true).unwrap())
-}
 
 /// What stands in memory before a launch: no hit that a kernel writes looks like it.
 const POISON: u32 = 0xABAB_ABAB;
@@ -29,13 +25,14 @@ const POISON: u32 = 0xABAB_ABAB;
 /// Traces rays once and requires that each was finished exactly once, and nothing else was touched.
 fn trace(
     traversal: &Traversal,
-    counting: bool,
+    counting: Counting,
     wave: Wave,
     planted: &Planted,
     rays: &[Ray],
 ) -> (Vec<Hit>, Vec<Counts>) {
     let n = rays.len();
-    assert!(planted.tree.depth < traversal.stack(), "the stack is deep enough");
+    assert!(planted.tree.stack <= traversal.stack(), "the stack is deep enough");
+    let counting = counting == Counting::Rays;
     let ray_buffer = gpu().upload("rays", rays).unwrap();
     // Room for as many as the largest workgroup beyond the last ray.
     let hits = gpu().buffer("hits", 8 * (n as u64 + 1024)).unwrap();
@@ -46,6 +43,7 @@ fn trace(
         hits: hits.address(),
         queue: queue.address(),
         counts: if counting { counts.address() } else { 0 },
+        visits: 0,
     };
     let mut pass = Pass::new(gpu()).unwrap();
     pass.fill(&hits, POISON);
@@ -155,22 +153,33 @@ fn awkward_rays(triangles: &[Triangle], n: usize) -> Vec<Ray> {
     rays
 }
 
-/// Traces awkward rays and compares with brute force and with the twin.
+/// Traces awkward rays through trees in every layout and compares with brute force and with the twin.
 fn check(what: &str, triangles: &[Triangle], n: usize) {
-    let planted = plant(builder(), triangles);
     let rays = awkward_rays(triangles, n);
+    let brute: Vec<Hit> = rays.par_iter().map(|ray| cpu::brute_force(triangles, ray)).collect();
+    for &layout in Layout::ALL {
+        let planted = plant(builder_of(layout), triangles);
+        check_layout(&format!("{what}, {layout:?}"), layout, triangles, &planted, &rays, &brute);
+    }
+}
+
+fn check_layout(
+    what: &str,
+    layout: Layout,
+    triangles: &[Triangle],
+    planted: &Planted,
+    rays: &[Ray],
+    brute: &[Hit],
+) {
     let extent = planted.tree.extent;
-    let deeper;
-    let traversal = if planted.tree.depth < usual().stack() {
-        usual()
-    } else {
-        deeper = Traversal::new(gpu(), &Params::default(), planted.tree.depth, true).unwrap();
-        &deeper
-    };
-    let (hits, counts) = trace(traversal, true, Wave::Secondary, &planted, &rays);
-    let judge = |((ray, hit), counts): ((&Ray, &Hit), &Counts)| {
-        let brute = cpu::brute_force(triangles, ray);
-        let (twin, _) = cpu::closest_hit::<Binary>(&planted.nodes, &planted.leaves, extent, ray);
+    let kernels = traversal(&planted.tree, Counting::Rays);
+    let (hits, counts) = trace(kernels, Counting::Rays, Wave::Secondary, planted, rays);
+    let (twin, there) = (&planted.twin, planted.summary.nodes);
+    let most = layout.arity() as u32;
+    // Only the root of a lone triangle has a single child.
+    let least = if triangles.len() == 1 { 1 } else { 2 };
+    let judge = |(((ray, hit), counts), brute): (((&Ray, &Hit), &Counts), &Hit)| {
+        let (twin, twin_counts) = twin(ray);
         let is_hit = hit.triangle != Hit::MISS;
         // The triangle that is named is at that distance.
         let named = || cpu::intersect(ray, f32::INFINITY, &triangles[hit.triangle as usize]);
@@ -178,8 +187,9 @@ fn check(what: &str, triangles: &[Triangle], n: usize) {
             (!agree(brute.t, hit.t, ray, extent), "differs from brute force"),
             (!agree(brute.t, twin.t, ray, extent), "twin differs from brute force"),
             (is_hit != hit.t.is_finite(), "neither hit nor miss"),
-            (counts.boxes != 2 * counts.nodes, "boxes are not two a node"),
-            (!(1..=planted.nodes.len() as u32).contains(&counts.nodes), "nodes that are not there"),
+            (counts.boxes < least * counts.nodes, "fewer boxes than children"),
+            (counts.boxes > most * counts.nodes, "more boxes than children"),
+            (!(1..=there).contains(&counts.nodes), "nodes that are not there"),
             (counts.triangles as usize > triangles.len(), "triangles that are not there"),
             (is_hit && !(hit.t > ray.t_min && hit.t < ray.t_max), "outside the ray's limits"),
             (is_hit && counts.triangles == 0, "hit without a test"),
@@ -187,12 +197,21 @@ fn check(what: &str, triangles: &[Triangle], n: usize) {
         ];
         match faults.iter().find(|(found, _)| *found) {
             Some((_, fault)) => Err(format!("{fault}: {ray:?}: {hit:?}, {counts:?}, brute force {brute:?}")),
-            None => Ok(usize::from(is_hit)),
+            None => Ok([usize::from(is_hit), counts.nodes as usize, twin_counts.nodes as usize]),
         }
     };
-    let found: Result<Vec<usize>, String> = rays.par_iter().zip(&hits).zip(&counts).map(judge).collect();
-    let found: usize = found.unwrap_or_else(|fault| panic!("{what}: {fault}")).iter().sum();
-    println!("{what}: {found} of {n} rays hit");
+    let found: Result<Vec<_>, String> =
+        rays.par_iter().zip(&hits).zip(&counts).zip(brute).map(judge).collect();
+    let sums = found
+        .unwrap_or_else(|fault| panic!("{what}: {fault}"))
+        .iter()
+        .fold([0; 3], |sums, one| std::array::from_fn(|k| sums[k] + one[k]));
+    let [found, nodes, twin_nodes] = sums;
+    println!("{what}: {found} of {} rays hit, {nodes} nodes, {twin_nodes} in the twin", rays.len());
+    // Lanes that go on with a leaf postponed visit nodes that the leaf would have cut off. Without the nearest
+    // child first there would be far more.
+    let ratio = nodes as f64 / twin_nodes as f64;
+    assert!((0.99..1.3).contains(&ratio), "{what}: {nodes} nodes visited, {twin_nodes} by the twin");
 }
 
 #[test]
@@ -235,20 +254,19 @@ fn every_ray_through_every_kind_of_scene_agrees_with_brute_force() {
 fn each_ray_is_finished_once_however_many_there_are() {
     let triangles = scattered(300, 10.0, 2.0);
     let planted = plant(builder(), &triangles);
+    let kernels = traversal(&planted.tree, Counting::Rays);
     let rays = awkward_rays(&triangles, 65_537);
-    let want: Vec<Hit> = rays
-        .par_iter()
-        .map(|ray| cpu::closest_hit::<Binary>(&planted.nodes, &planted.leaves, planted.tree.extent, ray).0)
-        .collect();
+    let twin = &planted.twin;
+    let want: Vec<Hit> = rays.par_iter().map(|ray| twin(ray).0).collect();
     for wave in [Wave::Primary, Wave::Secondary] {
-        let size = usual().kernel(wave).workgroup_size() as usize;
+        let size = kernels.kernel(wave).workgroup_size() as usize;
         let lanes = gpu().info().subgroup_size as usize;
         let mut sizes = vec![0, 1, 2, 65_537];
         for around in [lanes, size, 2 * size, 8 * size] {
             sizes.extend([around - 1, around, around + 1]);
         }
         for n in sizes {
-            let (hits, _) = trace(usual(), true, wave, &planted, &rays[..n]);
+            let (hits, _) = trace(kernels, Counting::Rays, wave, &planted, &rays[..n]);
             for i in 0..n {
                 assert!(agree(hits[i].t, want[i].t, &rays[i], 10.0), "{n} rays, ray {i}: {:?}", hits[i]);
             }
@@ -260,24 +278,52 @@ fn each_ray_is_finished_once_however_many_there_are() {
 #[test]
 fn scheduling_changes_no_distance() {
     let triangles = scattered(2000, 10.0, 1.0);
-    let planted = plant(builder(), &triangles);
     let rays = awkward_rays(&triangles, 5_000);
-    let (want, _) = trace(usual(), true, Wave::Primary, &planted, &rays);
-    for (primary_subgroups, secondary_subgroups, fetch_below, postpone_below, stack) in
-        [(1, 2, 0.01, 0.0, 64), (4, 8, 1.0, 1.0, 96), (16, 32, 0.5, 0.5, 33)]
-    {
-        let params = Params { primary_subgroups, secondary_subgroups, fetch_below, postpone_below, stack };
-        let traversal = Traversal::new(gpu(), &params, planted.tree.depth, false).unwrap();
-        for wave in [Wave::Primary, Wave::Secondary] {
-            let (hits, _) = trace(&traversal, false, wave, &planted, &rays);
-            // Each is a kernel of its own, which a driver may round differently.
-            for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {
-                assert!(agree(hit.t, want.t, ray, 0.0), "{params:?}, {wave:?}: {hit:?}, not {want:?}");
+    for &layout in Layout::ALL {
+        let planted = plant(builder_of(layout), &triangles);
+        let kernels = traversal(&planted.tree, Counting::Rays);
+        let (want, _) = trace(kernels, Counting::Rays, Wave::Primary, &planted, &rays);
+        let mut stride = 0;
+        for (align, primary_subgroups, secondary_subgroups, fetch_below, postpone_below, vote, stack) in
+            [(4, 1, 2, 0.01, 0.0, 0.0, 64), (8, 4, 8, 1.0, 1.0, 0.25, 96), (16, 16, 32, 0.5, 0.5, 4.0, 33)]
+        {
+            let params = Params {
+                primary_subgroups,
+                secondary_subgroups,
+                primary_fetch_below: fetch_below,
+                secondary_fetch_below: fetch_below,
+                primary_vote: vote,
+                secondary_vote: vote,
+                postpone_below,
+                stack,
+                ..Params::default()
+            };
+            let build = BuildParams { layout: LayoutParams { align }, ..BuildParams::default() };
+            // The distance to the next node decides how many bytes are loaded at a time. Many nodes are
+            // multiples of 8 or 16 bytes anyway; the one layout shows what scheduling alone does.
+            if layout != Layout::Binary && layout.stride(&build.layout) == stride {
+                continue;
+            }
+            stride = layout.stride(&build.layout);
+            let planted = match align {
+                4 => &planted,
+                _ => &plant(&Builder::new(gpu(), &build, layout).unwrap(), &triangles),
+            };
+            assert_eq!(planted.tree.stride, layout.node_bytes().next_multiple_of(align as usize));
+            let traversal = Traversal::new(gpu(), &params, &planted.tree, Counting::Nothing).unwrap();
+            for wave in [Wave::Primary, Wave::Secondary] {
+                let (hits, _) = trace(&traversal, Counting::Nothing, wave, planted, &rays);
+                // Each is a kernel of its own, which a driver may round differently.
+                for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {
+                    let what = format!("{layout:?}, {params:?}, {wave:?}");
+                    assert!(agree(hit.t, want.t, ray, 0.0), "{what}: {ray:?}: {hit:?}, not {want:?}");
+                }
             }
         }
     }
+    let planted = plant(builder(), &triangles);
     let wrong = Params { primary_subgroups: 1 << 20, ..Params::default() };
-    let error = Traversal::new(gpu(), &wrong, 0, false).unwrap_err().to_string();
+    let error = Traversal::new(gpu(), &wrong, &planted.tree, Counting::Nothing).unwrap_err().to_string();
     assert!(error.contains("workgroup"), "{error}");
     assert_silent();
 }
@@ -292,7 +338,6 @@ fn few_triangles_are_hit_in_their_order() {
                 [[-1.0, -1.0, z], [1.0, -1.0, z], [0.0, 1.0, z]]
             })
             .collect();
-        let planted = plant(builder(), &plates);
         let mut rays = vec![ray([0.0; 3], [0.0, 0.0, -1.0]), ray([2.0, 0.0, 0.0], [0.0, 0.0, 1.0])];
         let mut want = vec![Hit::NONE, Hit::NONE];
         for i in 0..n {
@@ -309,13 +354,17 @@ fn few_triangles_are_hit_in_their_order() {
             rays.push(Ray { t_max: 2.5, ..ray([0.1, -0.1, t + 1.0], [0.0, 0.0, -0.5]) });
             want.push(Hit { t: 2.0, ..hit });
         }
-        let (hits, counts) = trace(usual(), true, Wave::Secondary, &planted, &rays);
-        for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {
-            let same = hit.triangle == want.triangle && agree(hit.t, want.t, ray, 0.0);
-            assert!(same, "{n} triangles: {ray:?}: {hit:?}, not {want:?}");
+        for &layout in Layout::ALL {
+            let planted = plant(builder_of(layout), &plates);
+            let kernels = traversal(&planted.tree, Counting::Rays);
+            let (hits, counts) = trace(kernels, Counting::Rays, Wave::Secondary, &planted, &rays);
+            for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {
+                let same = hit.triangle == want.triangle && agree(hit.t, want.t, ray, 0.0);
+                assert!(same, "{n} triangles, {layout:?}: {ray:?}: {hit:?}, not {want:?}");
+            }
+            assert!(counts.iter().all(|c| c.triangles as usize <= n));
+            assert_eq!(counts[1].triangles, 0, "{n} triangles, {layout:?}: a ray beside all boxes");
         }
-        assert!(counts.iter().all(|c| c.triangles as usize <= n && c.boxes == 2 * c.nodes));
-        assert_eq!(counts[1].triangles, 0, "{n} triangles: a ray beside all boxes");
     }
     assert_silent();
 }
@@ -331,7 +380,7 @@ fn a_tree_deeper_than_the_stack_gets_a_larger_one() {
         (0..n).map(|i| corners.map(|p| p.map(|x| x * 1.05f32.powi(i)))).collect();
     triangles.iter_mut().for_each(|t| t[0][2] *= -1.0);
     let collapse = CollapseParams { max_leaf: 1, ..CollapseParams::default() };
-    let builder = Builder::new(gpu(), &BuildParams { collapse, ..BuildParams::default() }).unwrap();
+    let params = BuildParams { collapse, ..BuildParams::default() };
     let mut random = Random(11);
     let rays: Vec<Ray> = (0..4000)
         .map(|i| {
@@ -343,21 +392,29 @@ fn a_tree_deeper_than_the_stack_gets_a_larger_one() {
             Ray { t_min: if i % 3 == 0 { 300.0 * random.unit() } else { 0.0 }, ..ray([0.0; 3], at) }
         })
         .collect();
-    for order in ["from small to large", "from large to small"] {
-        let planted = plant(&builder, &triangles);
-        assert!(planted.tree.depth > 100, "{order}: only {} levels", planted.tree.depth);
-        let traversal = Traversal::new(gpu(), &Params::default(), planted.tree.depth, true).unwrap();
-        for wave in [Wave::Primary, Wave::Secondary] {
-            let (hits, counts) = trace(&traversal, true, wave, &planted, &rays);
-            for (ray, hit) in rays.iter().zip(&hits) {
-                let want = cpu::brute_force(&triangles, ray);
-                assert!(agree(hit.t, want.t, ray, 1.0), "{order}: {ray:?}: {hit:?}, not {want:?}");
+    let want: Vec<Hit> = rays.par_iter().map(|ray| cpu::brute_force(&triangles, ray)).collect();
+    for &layout in Layout::ALL {
+        let builder = Builder::new(gpu(), &params, layout).unwrap();
+        for order in ["from small to large", "from large to small"] {
+            let what = format!("{layout:?}, {order}");
+            let planted = plant(&builder, &triangles);
+            let tree = &planted.tree;
+            // With k children a node one goes on and k - 1 wait.
+            let levels = 100 / (layout.arity() as u32 - 1);
+            assert!(planted.summary.depth > levels, "{what}: only {} levels", planted.summary.depth);
+            let kernels = traversal(tree, Counting::Rays);
+            assert!(tree.stack > 100 && kernels.stack() >= tree.stack, "{what}: {tree:?}");
+            for wave in [Wave::Primary, Wave::Secondary] {
+                let (hits, counts) = trace(kernels, Counting::Rays, wave, &planted, &rays);
+                for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {
+                    assert!(agree(hit.t, want.t, ray, 1.0), "{what}: {ray:?}: {hit:?}, not {want:?}");
+                }
+                let found = hits.iter().filter(|h| h.triangle != Hit::MISS).count();
+                assert!((1500..3500).contains(&found), "{what}: {found} hits");
+                assert!(counts.iter().any(|c| c.nodes > levels), "{what}: some ray goes all the way down");
             }
-            let found = hits.iter().filter(|h| h.triangle != Hit::MISS).count();
-            assert!((1500..3500).contains(&found), "{order}: {found} hits");
-            assert!(counts.iter().any(|c| c.nodes > 100), "{order}: some ray goes all the way down");
+            triangles.reverse();
         }
-        triangles.reverse();
     }
     assert_silent();
 }
@@ -365,13 +422,15 @@ fn a_tree_deeper_than_the_stack_gets_a_larger_one() {
 #[test]
 fn a_lost_ray_is_an_error() {
     let queue = Queue { next: 300, count: 300, finished: 298, unused: 0 };
-    match usual().check(3, &queue) {
+    let planted = plant(builder(), &scattered(1, 1.0, 1.0));
+    let kernels = traversal(&planted.tree, Counting::Rays);
+    match kernels.check(3, &queue) {
         Err(Error::LoopLimit { depth: 3, unfinished: 2, rays: 300, device }) => {
             assert_eq!(device, gpu().info().name);
         }
         other => panic!("{other:?}"),
     }
-    assert!(usual().check(0, &Queue { finished: 300, ..queue }).is_ok());
+    assert!(kernels.check(0, &Queue { finished: 300, ..queue }).is_ok());
 }
 
 /// Rays from inside a closed mesh: at its corners, at points of its edges, and anywhere.
@@ -429,7 +488,13 @@ fn no_ray_leaves_a_closed_mesh_through_an_edge_or_a_corner() {
         let mut random = Random(radius.to_bits().into());
         for _ in 0..launches {
             let rays = rays_from_inside(&closed, &mut random, centre, 0.4 * radius, 65_536);
-            let (hits, _) = trace(usual(), true, Wave::Secondary, &planted, &rays);
+            let (hits, _) = trace(
+                traversal(&planted.tree, Counting::Rays),
+                Counting::Rays,
+                Wave::Secondary,
+                &planted,
+                &rays,
+            );
             for (ray, hit) in rays.iter().zip(&hits) {
                 let length = ray.direction.iter().map(|d| d * d).sum::<f32>().sqrt();
                 let distance = hit.t * length / radius;
@@ -465,7 +530,8 @@ fn no_ray_leaves_a_box_of_twelve_triangles() {
                 rays.push(ray(at, direction.map(|d| if d == 0.0 { -0.0 } else { d * 0.01 })));
             }
         }
-        let (hits, _) = trace(usual(), true, Wave::Secondary, &planted, &rays);
+        let (hits, _) =
+            trace(traversal(&planted.tree, Counting::Rays), Counting::Rays, Wave::Secondary, &planted, &rays);
         for (ray, hit) in rays.iter().zip(&hits) {
             assert!(hit.t.is_finite() && hit.t > 0.0, "scale {scale}: {ray:?} hits {hit:?}");
         }
@@ -523,7 +589,8 @@ fn refining_brings_the_kernels_distances_to_a_millionth() {
     let triangles = scattered(1000, 10.0, 1.0);
     let planted = plant(builder(), &triangles);
     let rays: Vec<Ray> = awkward_rays(&triangles, 8_000);
-    let (hits, _) = trace(usual(), true, Wave::Primary, &planted, &rays);
+    let (hits, _) =
+        trace(traversal(&planted.tree, Counting::Rays), Counting::Rays, Wave::Primary, &planted, &rays);
     let exact = |ray: &Ray, t: &Triangle| {
         let d = |a: Point| a.map(f64::from);
         let sub = |a: Point, b: Point| -> [f64; 3] { std::array::from_fn(|k| d(a)[k] - d(b)[k]) };

@@ -115,6 +115,15 @@ impl DeviceInfo {
         // Seen in 22.3, gone in 25.0: anything older than the latter is taken to have it.
         (major, minor) < (25, 0)
     }
+
+    /// Whether a workgroup that has started goes on while others wait for it ("occupancy-bound execution",
+    /// Sorensen et al., OOPSLA 2016), so that work may be handed from one to another in a single launch.
+    ///
+    /// Vulkan promises it nowhere. NVIDIA's driver is known to do it, and the thesis relies on it there;
+    /// CPU drivers are known not to; others have not been tried.
+    pub fn hands_work_over(&self) -> bool {
+        self.driver_name == "NVIDIA"
+    }
 }
 
 impl fmt::Display for DeviceInfo {
@@ -319,6 +328,7 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize
     let mut f12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut f13 = vk::PhysicalDeviceVulkan13Features::default();
     let mut executable = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
+    let mut clock = vk::PhysicalDeviceShaderClockFeaturesKHR::default();
     let mut p2 = vk::PhysicalDeviceProperties2::default();
     let mut f2 = vk::PhysicalDeviceFeatures2::default();
     let modern = basic.api_version >= vk::API_VERSION_1_3;
@@ -334,6 +344,9 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize
     }
     if has(khr::pipeline_executable_properties::NAME) {
         f2 = f2.push_next(&mut executable);
+    }
+    if has(khr::shader_clock::NAME) {
+        f2 = f2.push_next(&mut clock);
     }
     // SAFETY: as above; the chains hold only structs of extensions or versions the device has.
     let memory = unsafe {
@@ -377,6 +390,7 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize
     may(f13.subgroup_size_control != 0 && f13.compute_full_subgroups != 0, "subgroupSizeControl");
     may(executable.pipeline_executable_info != 0, "pipelineExecutableInfo");
     may(sm.shader_sm_count > 0, "shaderSMBuiltins");
+    may(clock.shader_device_clock != 0, "shaderDeviceClock");
 
     let [d0, d1, d2, d3, d4, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15] = p11.device_uuid;
     let hex = |bytes: &[u8]| bytes.iter().map(|b| format!("{b:02x}")).collect::<String>();
@@ -508,6 +522,11 @@ impl Gpu {
             .features(vk::PhysicalDeviceFeatures::default().shader_int64(true))
             .push_next(&mut f12)
             .push_next(&mut f13);
+        let mut clock = vk::PhysicalDeviceShaderClockFeaturesKHR::default().shader_device_clock(true);
+        if info.has("shaderDeviceClock") {
+            extensions.push(khr::shader_clock::NAME.into());
+            info2 = info2.push_next(&mut clock);
+        }
         if info.tells_statistics() {
             extensions.push(khr::pipeline_executable_properties::NAME.into());
             info2 = info2.push_next(&mut executable);

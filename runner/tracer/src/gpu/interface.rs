@@ -2,6 +2,7 @@
 //! host's structs. Only in test builds.
 
 use super::{Shader, device::PUSH_BYTES, shaders};
+use crate::permutations::{ARITIES, Layout, PER_ARITY, PER_LAYOUT};
 use std::collections::{BTreeSet, HashMap};
 
 /// A field as the host lays it out.
@@ -184,6 +185,14 @@ impl Module {
         self
     }
 
+    /// Specialization constant `id` is the one of this name.
+    pub fn assert_specialization(&self, id: u32, name: &str) -> &Self {
+        let found: Vec<_> =
+            self.spec_ids.iter().filter(|(_, i)| **i == id).map(|(of, _)| self.names.get(of)).collect();
+        assert_eq!(found, [Some(&name.to_owned())], "{}: constant {id}", self.shader);
+        self
+    }
+
     /// A block is laid out as a struct of the host.
     pub fn assert_block(&self, block: &str, host: &[Field]) -> &Self {
         self.compare(self.block(block), block, host);
@@ -223,8 +232,23 @@ fn every_shader_is_in_the_list_once() {
     assert_eq!(names.len(), shaders::ALL.len());
     assert!(shaders::ALL.iter().all(|s| s.sha256().len() == 64));
     let mut sources = Vec::new();
-    find(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut sources);
-    assert_eq!(sources.len(), names.len(), "{sources:?}");
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    find(&root, &mut sources);
+    let expected: BTreeSet<String> = sources
+        .iter()
+        .flat_map(|source| {
+            let stem = source.strip_prefix(&root).unwrap().with_extension("");
+            let stem = stem.to_str().unwrap().to_owned();
+            if PER_LAYOUT.contains(&&*stem) {
+                Layout::ALL.iter().map(|l| format!("{stem}/{}", l.symbol())).collect()
+            } else if PER_ARITY.contains(&&*stem) {
+                ARITIES.iter().map(|arity| format!("{stem}/{arity}")).collect()
+            } else {
+                vec![stem]
+            }
+        })
+        .collect();
+    assert_eq!(names, expected.iter().map(|s| &**s).collect());
 }
 
 fn find(folder: &std::path::Path, sources: &mut Vec<std::path::PathBuf>) {

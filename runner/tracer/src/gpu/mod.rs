@@ -41,6 +41,7 @@ impl Shader {
 /// Every shader of this build.
 pub mod shaders {
     use super::Shader;
+    use crate::permutations::Layout;
     include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 }
 

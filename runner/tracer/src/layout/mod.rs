@@ -5,12 +5,90 @@
 //! own. [`NodeLayout`] decodes that much, and the validator, the statistics and traversal on the CPU are
 //! written once over it.
 
-use crate::bvh2::{Aabb, Bvh2Buffers, Triangle};
-use crate::gpu::{Buffer, Error, Gpu, Kernel, Pass, groups, shaders};
+use crate::{
+    bvh2::{Aabb, Bvh2Buffers, Triangle},
+    contract::WideBuffers,
+    gpu::{Buffer, Error, Gpu, Kernel, Pass, groups, shaders},
+};
 use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
 use std::mem::offset_of;
 
 pub mod binary;
+pub mod cpu;
+pub mod quantized;
+pub mod wide;
+
+pub use crate::permutations::Layout;
+
+/// Runs an expression with `$L` standing for the [`NodeLayout`] of a [`Layout`].
+#[macro_export]
+macro_rules! with_layout {
+    ($layout:expr, $L:ident => $body:expr) => {
+        match $layout {
+            $crate::layout::Layout::Binary => {
+                type $L = $crate::layout::binary::Binary;
+                $body
+            }
+            $crate::layout::Layout::Wide4 => {
+                type $L = $crate::layout::wide::Wide4;
+                $body
+            }
+            $crate::layout::Layout::Wide6 => {
+                type $L = $crate::layout::wide::Wide6;
+                $body
+            }
+            $crate::layout::Layout::Wide8 => {
+                type $L = $crate::layout::wide::Wide8;
+                $body
+            }
+            $crate::layout::Layout::Quantized4 => {
+                type $L = $crate::layout::quantized::Quantized4;
+                $body
+            }
+            $crate::layout::Layout::Quantized6 => {
+                type $L = $crate::layout::quantized::Quantized6;
+                $body
+            }
+            $crate::layout::Layout::Quantized8 => {
+                type $L = $crate::layout::quantized::Quantized8;
+                $body
+            }
+        }
+    };
+}
+
+impl Layout {
+    /// Whether planes are stored in 8 bits.
+    pub fn is_quantized(self) -> bool {
+        matches!(self, Self::Quantized4 | Self::Quantized6 | Self::Quantized8)
+    }
+
+    /// Bytes of a node.
+    pub fn node_bytes(self) -> usize {
+        with_layout!(self, L => size_of::<<L as NodeLayout>::Node>())
+    }
+
+    /// Bytes from one node to the next under `params`.
+    pub fn stride(self, params: &LayoutParams) -> usize {
+        self.node_bytes().next_multiple_of(params.align as usize)
+    }
+}
+
+/// What may be chosen about how nodes are stored.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LayoutParams {
+    /// Bytes that the distance between two nodes is a multiple of: 4, which leaves nodes as the thesis has
+    /// them, 8 or 16. With more, kernels load up to so many bytes at a time, and more memory is needed.
+    pub align: u32,
+}
+
+impl Default for LayoutParams {
+    fn default() -> Self {
+        Self { align: 4 }
+    }
+}
 
 /// A triangle where its leaf expects it: 48 bytes, three 16-byte loads.
 #[repr(C)]
@@ -88,19 +166,22 @@ pub struct Child {
 pub trait NodeLayout {
     /// One node's bytes.
     type Node: Pod;
-    /// As it appears in variants' names.
+    /// As it appears in messages.
     const NAME: &'static str;
+    /// Whether boxes are stored as they are; otherwise what is decoded contains the exact ones.
+    const EXACT: bool;
     /// What it can express.
     const LIMITS: Limits;
 
     /// The child in a slot, `slot < LIMITS.children`; `None` where the slot is empty.
     fn child(node: &Self::Node, slot: usize) -> Option<Child>;
 
-    /// A node of these children, in slot order.
+    /// A node of these children, in slot order, with so many triangles in its whole subtree. Leaves come
+    /// before nodes; nodes, and triangles of leaves, follow each other.
     ///
     /// # Panics
-    /// There are more children than the layout can hold, or none.
-    fn encode(children: &[Child]) -> Self::Node;
+    /// There are more children than the layout can hold, or none, or they are in another order.
+    fn encode(children: &[Child], triangles: u32) -> Self::Node;
 }
 
 /// The children of a node, empty slots left out.
@@ -108,70 +189,134 @@ pub fn children<L: NodeLayout>(node: &L::Node) -> impl Iterator<Item = Child> + 
     (0..L::LIMITS.children).filter_map(|slot| L::child(node, slot))
 }
 
-/// The kernel that brings triangles into leaf order, compiled.
+/// The kernels that write a wide tree's nodes and triangles, compiled for one layout.
 #[derive(Debug)]
-pub struct LeafOrder {
-    kernel: Kernel,
+pub struct Encode {
+    nodes: Kernel,
+    triangles: Kernel,
+    layout: Layout,
+    stride: usize,
 }
 
-const WORKGROUP: u32 = 256;
+const WORKGROUP: u32 = 128;
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct EncodePush {
+    nodes: u64,
+    wide: u64,
+    progress: u64,
+    nodes_out: u64,
+}
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct TrianglesPush {
     nodes: u64,
-    levels: u64,
-    positions: u64,
+    wide: u64,
+    progress: u64,
     triangles: u64,
     leaf_triangles: u64,
-    count: u32,
-    pad: u32,
+    leaves: u32,
+    arity: u32,
 }
 
-impl LeafOrder {
-    /// Compiles the kernel.
+impl Encode {
+    /// Compiles the kernels.
     ///
     /// # Errors
     /// The driver's compiler failed.
-    pub fn new(gpu: &Gpu) -> Result<Self, Error> {
-        Ok(Self { kernel: Kernel::new(gpu, &shaders::LAYOUT_TRIANGLES, WORKGROUP, &[])? })
+    ///
+    /// # Panics
+    /// `align` is not 4, 8 or 16.
+    pub fn new(gpu: &Gpu, layout: Layout, params: &LayoutParams) -> Result<Self, Error> {
+        assert!([4, 8, 16].contains(&params.align), "nodes are aligned to 4, 8 or 16 bytes");
+        let size = WORKGROUP.min(gpu.info().max_workgroup_size);
+        let stride = layout.stride(params);
+        Ok(Self {
+            nodes: Kernel::new(gpu, shaders::layout_encode(layout), size, &[stride as u32])?,
+            triangles: Kernel::new(gpu, &shaders::LAYOUT_TRIANGLES, size, &[])?,
+            layout,
+            stride,
+        })
     }
 
-    /// Writes the triangle of leaf i of `tree` to `leaf_triangles` at `positions[i]`.
+    /// The layout.
+    pub fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    /// Bytes from one node to the next.
+    pub fn stride(&self) -> usize {
+        self.stride
+    }
+
+    /// Writes the nodes to `nodes_out`, which has room for `wide.capacity()` of them, and `leaves`
+    /// triangles in the order of their leaves to `leaf_triangles`.
+    #[allow(clippy::too_many_arguments, reason = "two inputs and two outputs, each of two parts")]
     pub fn record(
         &self,
         pass: &mut Pass,
         tree: &Bvh2Buffers,
-        positions: &Buffer,
+        wide: &WideBuffers,
         triangles: &Buffer,
+        leaves: usize,
+        nodes_out: &Buffer,
         leaf_triangles: &Buffer,
-        count: usize,
     ) {
+        // Most of these workgroups find nothing to do, which costs less than another indirect dispatch.
+        let groups = groups(wide.capacity(), WORKGROUP).min(MOST_GROUPS);
+        let push = EncodePush {
+            nodes: tree.nodes.address(),
+            wide: wide.nodes.address(),
+            progress: wide.progress.address(),
+            nodes_out: nodes_out.address(),
+        };
+        pass.dispatch("nodes", &self.nodes, &push, groups);
         let push = TrianglesPush {
             nodes: tree.nodes.address(),
-            levels: tree.levels.address(),
-            positions: positions.address(),
+            wide: wide.nodes.address(),
+            progress: wide.progress.address(),
             triangles: triangles.address(),
             leaf_triangles: leaf_triangles.address(),
-            count: u32::try_from(count).expect("at most MAX_TRIANGLES"),
-            pad: 0,
+            leaves: u32::try_from(leaves).expect("at most MAX_TRIANGLES"),
+            arity: self.layout.arity() as u32,
         };
-        pass.dispatch("triangles", &self.kernel, &push, groups(count, WORKGROUP));
+        pass.dispatch("triangles", &self.triangles, &push, groups);
     }
 }
+
+/// Workgroups that every device can launch; the kernels go on from there by themselves.
+const MOST_GROUPS: u32 = 65_535;
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::interface::{Module, fields};
+    use crate::{
+        bvh2::Bvh2Node,
+        gpu::interface::{Module, fields},
+    };
 
     #[test]
-    fn the_shader_sees_arguments_as_the_host_does() {
+    fn shaders_see_arguments_as_the_host_does() {
         Module::read(&shaders::LAYOUT_TRIANGLES)
             .assert_push_constants(
                 size_of::<TrianglesPush>(),
-                &fields!(TrianglesPush: nodes, levels, positions, triangles, leaf_triangles, count),
+                &fields!(TrianglesPush: nodes, wide, progress, triangles, leaf_triangles, leaves, arity),
             )
-            .assert_items("Triangles", size_of::<Triangle>(), None);
+            .assert_items("Triangles", size_of::<Triangle>(), None)
+            .assert_items("WideNodes", 4, None)
+            .assert_items("LeafTriangles", 16, None);
+        for &layout in Layout::ALL {
+            Module::read(shaders::layout_encode(layout))
+                .assert_push_constants(
+                    size_of::<EncodePush>(),
+                    &fields!(EncodePush: nodes, wide, progress, nodes_out),
+                )
+                .assert_items("Bvh2Nodes", size_of::<Bvh2Node>(), None)
+                .assert_items("WideNodes", 4, None)
+                .assert_items("Words", 4, None)
+                .assert_specialization(1, "STRIDE");
+        }
     }
 }

@@ -3,16 +3,13 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "bvh2.glsl"
-#include "levels.glsl"
+#include "wide.glsl"
 #include "input.glsl"
 
-// Copies each triangle to where its leaf expects it, 48 bytes: see LeafTriangle in layout/mod.rs.
+// Copies each triangle to where its leaf expects it, 48 bytes: see LeafTriangle in layout/mod.rs. An
+// invocation serves the leaves of one wide node.
 
 layout(local_size_x_id = 0) in;
-
-layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Positions {
-    uint v[];
-};
 
 layout(buffer_reference, scalar, buffer_reference_align = 16) writeonly buffer LeafTriangles {
     uvec4 v[];
@@ -20,24 +17,47 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) writeonly buffer L
 
 layout(push_constant, scalar) uniform Push {
     Bvh2Nodes nodes;
-    Levels levels;
-    Positions positions;
+    WideNodes wide;
+    Progress progress;
     Triangles triangles;
     LeafTriangles leaf_triangles;
-    uint count;
+    uint leaves;
+    uint arity;
 };
 
-void main() {
-    uint i = gl_GlobalInvocationID.x;
-    // Without a complete tree there are no positions.
-    bool complete = levels.count > 0 || count == 1;
-    if (i >= count || !complete) {
-        return;
-    }
-    uint primitive = nodes.v[i].lo_left.w;
+void write_triangle(uint place, uint leaf) {
+    uint primitive = nodes.v[leaf].lo_left.w;
     Triangle t = triangles.v[primitive];
-    uint at = 3 * positions.v[i];
+    uint at = 3 * place;
     leaf_triangles.v[at + 0] = uvec4(floatBitsToUint(t.a), primitive);
     leaf_triangles.v[at + 1] = uvec4(floatBitsToUint(t.b), 0);
     leaf_triangles.v[at + 2] = uvec4(floatBitsToUint(t.c), 0);
+}
+
+void main() {
+    uint wide_nodes = wide_complete(progress) ? progress.nodes : 0;
+    uint stride = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+    for (uint i = gl_GlobalInvocationID.x; i < wide_nodes; i += stride) {
+        uint at = (WIDE_HEADER + arity) * i;
+        uint place = wide.v[at + 1];
+        uint own_leaves = wide.v[at + 2] & 15;
+        for (uint slot = 0; slot < own_leaves; slot++) {
+            // Left before right; of 16 triangles at most 15 wait.
+            uint waiting[16];
+            uint top = 0;
+            uint node = wide.v[at + WIDE_HEADER + slot] & WIDE_CHILD_MASK;
+            for (;;) {
+                if (node >= leaves) {
+                    waiting[top++] = nodes.v[node].hi_right.w;
+                    node = nodes.v[node].lo_left.w;
+                    continue;
+                }
+                write_triangle(place++, node);
+                if (top == 0) {
+                    break;
+                }
+                node = waiting[--top];
+            }
+        }
+    }
 }

@@ -16,7 +16,7 @@ pub struct TreeStats {
     pub leaves: u64,
     /// Triangles in leaves.
     pub triangles: u64,
-    /// Bytes of all nodes.
+    /// Bytes of all nodes, the space between them included.
     pub node_bytes: u64,
     /// Bytes of all triangles in leaves.
     pub triangle_bytes: u64,
@@ -39,10 +39,10 @@ pub struct TreeStats {
     pub sah_intersection: f64,
 }
 
-/// Walks a tree from its root; `costs` weighs nodes against triangles.
+/// Walks a tree from its root; nodes are stored `stride` bytes apart, `costs` weighs them against triangles.
 ///
 /// The tree is taken to be valid: see [`crate::validate::layout`].
-pub fn stats<L: NodeLayout>(nodes: &[L::Node], costs: &CollapseParams) -> TreeStats {
+pub fn stats<L: NodeLayout>(nodes: &[L::Node], stride: usize, costs: &CollapseParams) -> TreeStats {
     // In double precision even the squares of the greatest floats have room.
     let area = |b: &Aabb| {
         let e: [f64; 3] = std::array::from_fn(|i| f64::from(b.hi[i]) - f64::from(b.lo[i]));
@@ -84,7 +84,7 @@ pub fn stats<L: NodeLayout>(nodes: &[L::Node], costs: &CollapseParams) -> TreeSt
         nodes,
         leaves,
         triangles,
-        node_bytes: nodes * size_of::<L::Node>() as u64,
+        node_bytes: nodes * stride as u64,
         triangle_bytes: triangles * size_of::<LeafTriangle>() as u64,
         depth,
         children_per_node: (nodes - 1 + leaves) as f64 / nodes as f64,
@@ -105,12 +105,15 @@ mod tests {
     #[test]
     fn the_cost_of_two_leaves_under_a_root_is_what_the_formula_says() {
         let bounds = |lo: f32, hi: f32| Aabb { lo: [lo, 0.0, 0.0], hi: [hi, 1.0, 1.0] };
-        let nodes = [Binary::encode(&[
-            Child { bounds: bounds(0.0, 1.0), target: Target::Leaf { first: 0, count: 3 } },
-            Child { bounds: bounds(2.0, 4.0), target: Target::Leaf { first: 3, count: 1 } },
-        ])];
+        let nodes = [Binary::encode(
+            &[
+                Child { bounds: bounds(0.0, 1.0), target: Target::Leaf { first: 0, count: 3 } },
+                Child { bounds: bounds(2.0, 4.0), target: Target::Leaf { first: 3, count: 1 } },
+            ],
+            4,
+        )];
         let costs = CollapseParams { traversal_cost: 3.0, intersection_cost: 2.0, max_leaf: 16 };
-        let s = stats::<Binary>(&nodes, &costs);
+        let s = stats::<Binary>(&nodes, 56, &costs);
         // Half areas: root 4 + 1 + 4 = 9, leaves 3 and 5.
         assert!((s.sah_traversal - 3.0).abs() < 1e-12);
         assert!((s.sah_intersection - 2.0 * (3.0 * 3.0 + 5.0) / 9.0).abs() < 1e-12);

@@ -3,6 +3,8 @@
 
 use crate::{
     Error,
+    builder::BuildWorkspace,
+    contract::VisitCounter,
     gpu::{Buffer, Gpu, Kernel, Pass, groups, shaders},
     scene::{Scene, View},
     traverse::{Buffers, Counts, Hit, Queue, Ray, Traversal, Tree, Wave},
@@ -10,6 +12,10 @@ use crate::{
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
+
+mod single;
+
+pub use single::SingleKernel;
 
 /// Subgroups a workgroup of the stages that are not measured.
 const STAGE_SUBGROUPS: u32 = 8;
@@ -29,6 +35,27 @@ impl Default for Params {
         Self { depth: 8, seed: 0 }
     }
 }
+
+/// How sample rays are taken for contractions that go by view.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Sampling {
+    /// t: visit counts are trusted where they exceed it (thesis 6.4: 8).
+    pub threshold: u32,
+    /// d: bounces that are sampled; 0 for primary rays alone (thesis 6.5: 4).
+    pub depth_limit: u32,
+    /// s: rays go through every s-th pixel (thesis 6.6: 64).
+    pub subsampling: u32,
+}
+
+impl Default for Sampling {
+    fn default() -> Self {
+        Self { threshold: 8, depth_limit: 4, subsampling: 64 }
+    }
+}
+
+/// The sample whose random numbers sample rays take: none that is measured.
+const SAMPLING_SAMPLE: u32 = u32::MAX;
 
 /// A scene's triangles and materials in device memory.
 #[derive(Debug)]
@@ -105,12 +132,10 @@ impl Camera {
     }
 }
 
+/// `Camera` in `generate.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct GenerateArguments {
-    rays: u64,
-    paths: u64,
-    queue: u64,
+struct CameraArguments {
     order: u64,
     eye: [f32; 3],
     right: [f32; 3],
@@ -120,6 +145,17 @@ struct GenerateArguments {
     height: u32,
     sample: u32,
     seed: u32,
+    every: u32,
+    unused: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct GenerateArguments {
+    rays: u64,
+    paths: u64,
+    queue: u64,
+    camera: CameraArguments,
 }
 
 #[repr(C)]
@@ -273,12 +309,8 @@ impl<'s> PathTracer<'s> {
         self.queues.address() + (depth * size_of::<Queue>()) as u64
     }
 
-    fn record_generate(&self, pass: &mut Pass, camera: &Camera, sample: u32) {
-        pass.fill(&self.queues, 0);
-        let arguments = GenerateArguments {
-            rays: self.rays[0].address(),
-            paths: self.paths[0].address(),
-            queue: self.queue(0),
+    fn camera(&self, camera: &Camera, sample: u32, every: u32) -> CameraArguments {
+        CameraArguments {
             order: self.order.address(),
             eye: camera.eye.to_array(),
             right: camera.right.to_array(),
@@ -288,17 +320,38 @@ impl<'s> PathTracer<'s> {
             height: self.height,
             sample,
             seed: self.params.seed,
+            every,
+            unused: 0,
+        }
+    }
+
+    fn record_generate(&self, pass: &mut Pass, camera: &Camera, sample: u32, every: u32) {
+        pass.fill(&self.queues, 0);
+        let arguments = GenerateArguments {
+            rays: self.rays[0].address(),
+            paths: self.paths[0].address(),
+            queue: self.queue(0),
+            camera: self.camera(camera, sample, every),
         };
-        let count = groups(self.pixels(), self.generate.workgroup_size());
+        let rays = self.pixels().div_ceil(every as usize);
+        let count = groups(rays, self.generate.workgroup_size());
         pass.dispatch("generate", &self.generate, &arguments, count);
     }
 
-    fn record_trace(&self, pass: &mut Pass, traversal: &Traversal, tree: &Tree, depth: usize) {
+    fn record_trace(
+        &self,
+        pass: &mut Pass,
+        traversal: &Traversal,
+        tree: &Tree,
+        depth: usize,
+        visits: Option<&Buffer>,
+    ) {
         let buffers = Buffers {
             rays: self.rays[depth % 2].address(),
             hits: self.hits.address(),
             queue: self.queue(depth),
             counts: self.counts.as_ref().map_or(0, Buffer::address),
+            visits: visits.map_or(0, Buffer::address),
         };
         traversal.record(pass, &format!("trace {depth}"), Wave::at(depth), tree, &buffers, self.pixels());
     }
@@ -348,9 +401,9 @@ impl<'s> PathTracer<'s> {
         let depths = self.params.depth as usize;
         let mut pass = Pass::new(&self.gpu)?;
         pass.scope("sample", |pass| {
-            self.record_generate(pass, camera, sample);
+            self.record_generate(pass, camera, sample, 1);
             for depth in 0..depths {
-                self.record_trace(pass, traversal, tree, depth);
+                self.record_trace(pass, traversal, tree, depth, None);
                 self.record_shade(pass, sample, depth);
             }
         });
@@ -361,6 +414,42 @@ impl<'s> PathTracer<'s> {
             milliseconds: timings.milliseconds(&format!("sample/trace {depth}")),
         });
         Ok(Sample { waves: waves.collect(), milliseconds: timings.milliseconds("sample") })
+    }
+
+    /// Traces sample rays with a traversal that counts visits, and leaves in `visits` how many of them met
+    /// each inner node of the binary tree in `workspace`, whose own wide tree `tree` is (thesis 4.2.2).
+    /// Returns the milliseconds that it took, from clearing the counts on.
+    ///
+    /// Rays go through every s-th pixel along the Z-order curve, so that they are spread over the picture.
+    /// Their light is added to the picture.
+    ///
+    /// # Errors
+    /// The device was lost, or its driver ended a loop.
+    pub fn sample_visits(
+        &self,
+        traversal: &Traversal,
+        tree: &Tree,
+        camera: &Camera,
+        sampling: &Sampling,
+        workspace: &BuildWorkspace,
+        visits: &VisitCounter,
+    ) -> Result<f64, Error> {
+        let depths = self.params.depth.min(sampling.depth_limit + 1) as usize;
+        let mut pass = Pass::new(&self.gpu)?;
+        pass.scope("sampling", |pass| {
+            visits.clear(pass);
+            self.record_generate(pass, camera, SAMPLING_SAMPLE, sampling.subsampling);
+            for depth in 0..depths {
+                self.record_trace(pass, traversal, tree, depth, Some(&visits.by_node));
+                if depth + 1 < depths {
+                    self.record_shade(pass, SAMPLING_SAMPLE, depth);
+                }
+            }
+            workspace.record_visits(pass, visits);
+        });
+        let timings = pass.submit()?;
+        self.rays_by_depth(traversal, depths)?;
+        Ok(timings.milliseconds("sampling"))
     }
 
     /// Traces one path a pixel, a submission a depth, and hands each wavefront to `look` with all that is
@@ -413,9 +502,9 @@ impl<'s> PathTracer<'s> {
         for depth in 0..self.params.depth as usize {
             let mut pass = Pass::new(&self.gpu)?;
             if depth == 0 {
-                self.record_generate(&mut pass, camera, sample);
+                self.record_generate(&mut pass, camera, sample, 1);
             }
-            self.record_trace(&mut pass, traversal, tree, depth);
+            self.record_trace(&mut pass, traversal, tree, depth, None);
             pass.submit()?;
             let count =
                 *self.rays_by_depth(traversal, depth + 1)?.last().expect("depth + 1 is not 0") as usize;
@@ -493,8 +582,7 @@ mod tests {
         let ray = fields!(Ray: origin, t_min, direction, t_max);
         let path = fields!(PathState: pixel, throughput);
         let queue = fields!(Queue: next, count, finished, unused);
-        let generate = fields!(GenerateArguments: rays, paths, queue, order, eye, right, up, forward, width,
-            height, sample, seed);
+        let generate = fields!(GenerateArguments: rays, paths, queue, camera);
         Module::read(&shaders::PATH_GENERATE)
             .assert_push_constants(size_of::<GenerateArguments>(), &generate)
             .assert_items("Rays", size_of::<Ray>(), Some(&ray))

@@ -1,12 +1,6 @@
 #version 460
-// What a wavefront of rays has hit: light is gathered, and one cosine-distributed ray continues each path
-// that hit a surface. Paths that left the scene are dropped, so the next wavefront is compact.
 #extension GL_GOOGLE_include_directive : require
-#extension GL_KHR_shader_subgroup_ballot : require
-#include "random.glsl"
-#include "ray.glsl"
-#include "scene.glsl"
-#include "triangle.glsl"
+#include "path/shade.glsl"
 
 layout(local_size_x_id = 0) in;
 
@@ -26,81 +20,7 @@ layout(push_constant, scalar) uniform Arguments {
     uint last;   // 1 where no further rays are wanted
 };
 
-vec3 sky(vec3 direction) {
-    return direction.y >= 0.0 ? mix(scene.horizon, scene.zenith, direction.y) : scene.ground;
-}
-
-// The unit normal that faces the ray. Edges are first brought to a length near one, since the square of a
-// cross product leaves the range of a float when edges are ten orders of magnitude from it. A triangle
-// without area, which a ray can only hit through rounding, faces the ray.
-vec3 normal_towards(vec3 direction, vec3 v0, vec3 v1, vec3 v2) {
-    vec3 a = v1 - v0, b = v2 - v0;
-    vec3 largest = max(abs(a), abs(b));
-    float scale = 1.0 / max(largest.x, max(largest.y, largest.z));
-    vec3 normal = cross(a * scale, b * scale);
-    float squared = dot(normal, normal);
-    normal = squared > 0.0 ? normal * inversesqrt(squared) : -direction;
-    return dot(normal, direction) > 0.0 ? -normal : normal;
-}
-
-// A direction about `normal` with density cosine / pi.
-vec3 cosine_direction(vec3 normal, vec2 random) {
-    // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 2017.
-    float s = normal.z >= 0.0 ? 1.0 : -1.0;
-    float a = -1.0 / (s + normal.z);
-    float b = normal.x * normal.y * a;
-    vec3 tangent = vec3(1.0 + s * normal.x * normal.x * a, s * b, -s * normal.x);
-    vec3 bitangent = vec3(b, s + normal.y * normal.y * a, -normal.y);
-    float radius = sqrt(random.x);
-    float angle = 6.28318530717958648 * random.y;
-    return radius * cos(angle) * tangent + radius * sin(angle) * bitangent + sqrt(1.0 - random.x) * normal;
-}
-
 void main() {
-    uint index = gl_GlobalInvocationID.x;
-    bool continues = false;
-    Ray next;
-    Path path;
-    if (index < queue.count) {
-        Ray ray = rays.items[index];
-        Hit hit = hits.items[index];
-        path = paths.items[index];
-        if (hit.triangle == MISS) {
-            image.items[path.pixel].rgb += path.throughput * sky(ray.direction);
-        } else {
-            Material material = scene.materials.items[scene.material_ids.items[hit.triangle]];
-            image.items[path.pixel].rgb += path.throughput * material.emission;
-
-            vec3 v0 = scene.positions.items[3 * hit.triangle];
-            vec3 v1 = scene.positions.items[3 * hit.triangle + 1];
-            vec3 v2 = scene.positions.items[3 * hit.triangle + 2];
-            vec3 normal = normal_towards(ray.direction, v0, v1, v2);
-
-            // The next ray must not meet this surface, nor its neighbours in the same plane, through
-            // rounding. It starts a little above the plane, by more than the triangle test's error, which
-            // grows with the scene's extent; and a little inside the triangle, so that at an edge it is
-            // not already behind the neighbour.
-            vec3 edges = project(ray.origin, shear_of(ray.direction), v0, v1, v2).edges;
-            vec3 weights = clamp(edges / (edges.x + edges.y + edges.z), 0.0, 1.0);
-            weights = mix(weights, vec3(1.0 / 3.0), 3.814697265625e-6);  // 2^-18
-            vec3 position = weights.x * v0 + weights.y * v1 + weights.z * v2;
-            position += normal * (scene.extent * 3.814697265625e-6);  // 2^-18
-
-            vec3 direction = cosine_direction(normal, random2(path.pixel, sample_, depth, seed));
-            next = Ray(position, 0.0, direction, INFINITY);
-            path.throughput *= material.albedo;
-            continues = last == 0;
-        }
-    }
-    uvec4 ballot = subgroupBallot(continues);
-    uint first = 0;
-    if (subgroupElect()) {
-        first = atomicAdd(next_queue.count, subgroupBallotBitCount(ballot));
-    }
-    first = subgroupBroadcastFirst(first);
-    if (continues) {
-        uint slot = first + subgroupBallotExclusiveBitCount(ballot);
-        next_rays.items[slot] = next;
-        next_paths.items[slot] = path;
-    }
+    Wavefront wavefront = Wavefront(rays, hits, paths, queue, scene, image, sample_, seed);
+    shade(wavefront, gl_GlobalInvocationID.x, depth, last != 0, next_rays, next_paths, next_queue);
 }

@@ -1,22 +1,30 @@
-//! The traversal kernel's memory, held against the host's.
+//! The traversal kernels' memory, held against the host's.
 
 use super::*;
 use crate::{
     gpu::interface::{Module, fields},
-    layout::{LeafTriangle, binary::BinaryNode},
+    layout::LeafTriangle,
 };
 
 #[test]
-fn the_shader_sees_memory_as_the_host_does() {
-    Module::read(&shaders::TRAVERSE_BINARY)
-        .assert_push_constants(
-            size_of::<Arguments>(),
-            &fields!(Arguments: rays, hits, nodes, triangles, queue, counts, extent),
-        )
-        .assert_items("Rays", size_of::<Ray>(), Some(&fields!(Ray: origin, t_min, direction, t_max)))
-        .assert_items("Hits", size_of::<Hit>(), Some(&fields!(Hit: t, triangle)))
-        .assert_items("Nodes", size_of::<BinaryNode>(), None)
-        .assert_items("Triangles", size_of::<LeafTriangle>(), None)
-        .assert_items("Counts", size_of::<Counts>(), None)
-        .assert_block("Queue", &fields!(Queue: next, count, finished, unused));
+fn the_shaders_see_memory_as_the_host_does() {
+    for &layout in Layout::ALL {
+        Module::read(shaders::traverse_closest_hit(layout))
+            .assert_push_constants(
+                size_of::<Arguments>(),
+                &fields!(Arguments: rays, hits, nodes, triangles, queue, counts, visits, extent),
+            )
+            .assert_items("Rays", size_of::<Ray>(), Some(&fields!(Ray: origin, t_min, direction, t_max)))
+            .assert_items("Hits", size_of::<Hit>(), Some(&fields!(Hit: t, triangle)))
+            .assert_items("Triangles", size_of::<LeafTriangle>(), None)
+            .assert_items("Counts", size_of::<Counts>(), None)
+            .assert_items("Visits", 4, None)
+            .assert_items("Words1", 4, None)
+            .assert_items("Words2", 8, None)
+            .assert_items("Words4", 16, None)
+            .assert_specialization(1, "STACK_SIZE")
+            .assert_specialization(4, "COUNT")
+            .assert_specialization(6, "STRIDE")
+            .assert_block("Queue", &fields!(Queue: next, count, finished, unused));
+    }
 }

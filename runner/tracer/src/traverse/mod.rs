@@ -7,6 +7,7 @@ mod interface_tests;
 use crate::{
     Error,
     gpu::{Gpu, Kernel, Pass, shaders},
+    layout::Layout,
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -81,14 +82,46 @@ pub struct Params {
     pub primary_subgroups: u32,
     /// Subgroups a workgroup for secondary rays.
     pub secondary_subgroups: u32,
-    /// Idle lanes fetch new rays when fewer than this share of a subgroup has one: the thesis's 20 of 32.
-    /// More keeps lanes busier and costs more visits to the queue.
-    pub fetch_below: f32,
+    /// Idle lanes fetch new primary rays when fewer than this share of a subgroup has one: the thesis's 20 of
+    /// 32. More keeps lanes busier, costs more visits to the queue, and mixes rays that would stay together.
+    pub primary_fetch_below: f32,
+    /// The same of secondary rays.
+    pub secondary_fetch_below: f32,
     /// Triangle tests are put off when at most this share of a subgroup has any left and another lane
     /// could visit nodes (triangle postponing, Ylitie et al. 2017, 4.4; the thesis has none, which is 0).
     pub postpone_below: f32,
-    /// Entries of the traversal stack; made larger where a tree is deeper than that.
+    /// Schedule of primary rays: 0 for phases, in which all lanes of a subgroup look for leaves and then all
+    /// test triangles, as the thesis does; otherwise by vote, in which so many lanes at a node weigh as much
+    /// as one with a triangle.
+    pub primary_vote: f32,
+    /// Schedule of secondary rays, which part sooner and gain from votes.
+    pub secondary_vote: f32,
+    /// Entries of the traversal stack; made larger where a tree needs more.
     pub stack: u32,
+    /// Whether the stages of a path are launched apart, or are one persistent kernel.
+    pub kernels: Kernels,
+}
+
+impl Params {
+    /// Invocations a workgroup of the kernel for a kind of wavefront.
+    pub fn workgroup_size(&self, gpu: &Gpu, wave: Wave) -> u32 {
+        let subgroups = match wave {
+            Wave::Primary => self.primary_subgroups,
+            Wave::Secondary => self.secondary_subgroups,
+        };
+        subgroups.saturating_mul(gpu.info().subgroup_size)
+    }
+}
+
+/// How many kernels trace a path (thesis 5.1.1, table 3).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kernels {
+    /// One for each stage, launched by the host.
+    #[default]
+    Separate,
+    /// One for all stages, with a software scheduler: [`crate::path::SingleKernel`].
+    Single,
 }
 
 impl Default for Params {
@@ -96,9 +129,13 @@ impl Default for Params {
         Self {
             primary_subgroups: 8,
             secondary_subgroups: 8,
-            fetch_below: 0.625,
+            primary_fetch_below: 0.625,
+            secondary_fetch_below: 0.8125,
             postpone_below: 0.25,
+            primary_vote: 0.0,
+            secondary_vote: 1.0,
             stack: 64,
+            kernels: Kernels::Separate,
         }
     }
 }
@@ -126,8 +163,12 @@ pub struct Tree {
     pub nodes: u64,
     /// Address of the triangles in leaf order, 48 bytes each.
     pub triangles: u64,
-    /// Inner nodes on the longest way from the root to a leaf.
-    pub depth: u32,
+    /// How nodes are stored.
+    pub layout: Layout,
+    /// Bytes from one node to the next.
+    pub stride: usize,
+    /// Entries that a traversal's stack needs at most.
+    pub stack: u32,
     /// Largest absolute coordinate of the scene.
     pub extent: f32,
 }
@@ -141,8 +182,10 @@ pub struct Buffers {
     pub hits: u64,
     /// One [`Queue`].
     pub queue: u64,
-    /// [`Counts`], as many as rays; not touched unless the kernels count.
+    /// [`Counts`], as many as rays; not touched unless the kernels count what rays cost.
     pub counts: u64,
+    /// A u32 for each node; not touched unless the kernels count visits.
+    pub visits: u64,
 }
 
 #[repr(C)]
@@ -154,8 +197,21 @@ struct Arguments {
     triangles: u64,
     queue: u64,
     counts: u64,
+    visits: u64,
     extent: f32,
     unused: u32,
+}
+
+/// What a traversal counts beside finding hits; each is a permutation of the kernels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Counting {
+    /// Nothing: the fastest, and the one to be timed.
+    #[default]
+    Nothing,
+    /// What each ray costs: [`Counts`].
+    Rays,
+    /// How often rays visit each node.
+    Visits,
 }
 
 /// Loop iterations that a subgroup may take where the driver ends loops silently after 65,535.
@@ -163,7 +219,7 @@ const QUOTA: u32 = 60_000;
 /// Launches over the same queue on such a driver; those that find it empty cost nothing.
 const RELAUNCHES: u32 = 3;
 
-/// The traversal kernels for one layout, compiled for one tree depth.
+/// The traversal kernels for one layout and size of stack.
 #[derive(Debug)]
 pub struct Traversal {
     primary: Kernel,
@@ -174,27 +230,19 @@ pub struct Traversal {
 }
 
 impl Traversal {
-    /// Compiles the kernels. `counting` makes the permutation that fills [`Counts`] and is slower.
+    /// Compiles the kernels for a tree.
     ///
     /// # Errors
     /// A workgroup size the device cannot run.
-    pub fn new(gpu: &Gpu, params: &Params, tree_depth: u32, counting: bool) -> Result<Self, Error> {
-        let lanes = gpu.info().subgroup_size;
-        // Each level leaves at most one entry behind, and one marks the end.
-        let stack = params.stack.max((tree_depth + 1).next_multiple_of(32));
-        let fetch_below = ((params.fetch_below * lanes as f32).round() as u32).clamp(1, lanes);
-        let postpone = ((params.postpone_below * lanes as f32).round() as u32).min(lanes);
-        let (quota, launches) = if gpu.info().ends_long_loops() { (QUOTA, RELAUNCHES) } else { (0, 1) };
-        let constants = [stack, fetch_below, quota, u32::from(counting), postpone];
-        let kernel =
-            |subgroups: u32| Kernel::new(gpu, &shaders::TRAVERSE_BINARY, subgroups * lanes, &constants);
-        Ok(Self {
-            primary: kernel(params.primary_subgroups)?,
-            secondary: kernel(params.secondary_subgroups)?,
-            gpu: gpu.clone(),
-            stack,
-            launches,
-        })
+    pub fn new(gpu: &Gpu, params: &Params, tree: &Tree, counting: Counting) -> Result<Self, Error> {
+        let launches = if gpu.info().ends_long_loops() { RELAUNCHES } else { 1 };
+        let shader = shaders::traverse_closest_hit(tree.layout);
+        let kernel = |wave| {
+            let (constants, stack) = constants(gpu, params, tree, counting, wave);
+            Ok::<_, Error>((Kernel::new(gpu, shader, params.workgroup_size(gpu, wave), &constants)?, stack))
+        };
+        let ((primary, stack), (secondary, _)) = (kernel(Wave::Primary)?, kernel(Wave::Secondary)?);
+        Ok(Self { primary, secondary, gpu: gpu.clone(), stack, launches })
     }
 
     /// Entries of the traversal stack the kernels were compiled with.
@@ -238,6 +286,7 @@ impl Traversal {
             triangles: tree.triangles,
             queue: buffers.queue,
             counts: buffers.counts,
+            visits: buffers.visits,
             extent: tree.extent,
             unused: 0,
         };
@@ -257,14 +306,41 @@ impl Traversal {
     /// # Errors
     /// The driver ended a loop.
     pub fn check(&self, depth: usize, queue: &Queue) -> Result<(), Error> {
-        if queue.finished == queue.count {
-            return Ok(());
-        }
-        Err(Error::LoopLimit {
-            depth,
-            unfinished: queue.count.abs_diff(queue.finished),
-            rays: queue.count,
-            device: self.gpu.info().name.clone(),
-        })
+        check_finished(&self.gpu, depth, queue)
     }
+}
+
+/// The specialization constants of `closest_hit.glsl`, and the entries of the stack among them.
+pub(crate) fn constants(
+    gpu: &Gpu,
+    params: &Params,
+    tree: &Tree,
+    counting: Counting,
+    wave: Wave,
+) -> ([u32; 7], u32) {
+    let lanes = gpu.info().subgroup_size;
+    let stack = params.stack.max(tree.stack.next_multiple_of(32));
+    let postpone = ((params.postpone_below * lanes as f32).round() as u32).min(lanes);
+    let quota = if gpu.info().ends_long_loops() { QUOTA } else { 0 };
+    let (fetch_below, vote) = match wave {
+        Wave::Primary => (params.primary_fetch_below, params.primary_vote),
+        Wave::Secondary => (params.secondary_fetch_below, params.secondary_vote),
+    };
+    let fetch_below = ((fetch_below * lanes as f32).round() as u32).clamp(1, lanes);
+    // Any vote above zero is one.
+    let vote = if vote > 0.0 { ((vote * 32.0).round() as u32).max(1) } else { 0 };
+    ([stack, fetch_below, quota, counting as u32, postpone, tree.stride as u32, vote], stack)
+}
+
+/// Whether every ray of a wavefront at `depth` has been finished.
+pub(crate) fn check_finished(gpu: &Gpu, depth: usize, queue: &Queue) -> Result<(), Error> {
+    if queue.finished == queue.count {
+        return Ok(());
+    }
+    Err(Error::LoopLimit {
+        depth,
+        unfinished: queue.count.abs_diff(queue.finished),
+        rays: queue.count,
+        device: gpu.info().name.clone(),
+    })
 }

@@ -2,6 +2,8 @@
 
 use crate::{
     bvh2::{Aabb, Bvh2, LEAF, Triangle},
+    collapse::Subtree,
+    contract::WideBvh,
     layout::{LeafTriangle, NodeLayout, Target, children},
 };
 
@@ -61,8 +63,80 @@ pub fn bvh2(tree: &Bvh2, triangles: &[Triangle]) -> Result<(), Invalid> {
     Ok(())
 }
 
+/// Checks a wide tree against the collapsed binary tree it was made of: every inner node of that has one
+/// place inside one wide node, children lie where the seam promises them, runs of triangles fill the tree's
+/// triangles without gaps or overlaps.
+///
+/// # Errors
+/// The first violation found.
+pub fn wide(wide: &WideBvh, tree: &Bvh2, subtrees: &[Subtree]) -> Result<(), Invalid> {
+    let inner = |node: u32| (node as usize).checked_sub(tree.leaves).map(|i| subtrees[i]);
+    let mut reached = vec![false; wide.nodes.len()];
+    let mut runs = Vec::new();
+    let mut todo = vec![(0u32, tree.nodes.len() as u32 - 1)];
+    while let Some((index, from)) = todo.pop() {
+        require!((index as usize) < wide.nodes.len(), "wide node {index} of {}", wide.nodes.len());
+        require!(!reached[index as usize], "wide node {index} is reached twice");
+        reached[index as usize] = true;
+        let node = &wide.nodes[index as usize];
+        let count = node.leaves.len() + node.nodes.len();
+        let least = if tree.leaves == 1 { 1 } else { 2 };
+        require!((least..=wide.arity).contains(&count), "wide node {index} has {count} children");
+        let triangles = inner(from).map_or(1, |s| s.triangles);
+        require!(
+            node.triangles == triangles,
+            "wide node {index} has {} triangles, not {triangles}",
+            node.triangles
+        );
+        // Going down from its binary node, every way has to end at exactly one of its children.
+        let mut ends: Vec<u32> =
+            node.leaves.iter().map(|l| l.node).chain(node.nodes.iter().copied()).collect();
+        let mut below = vec![from];
+        while let Some(at) = below.pop() {
+            if let Some(end) = ends.iter().position(|&e| e == at) {
+                ends.swap_remove(end);
+                continue;
+            }
+            require!(at as usize >= tree.leaves, "leaf {at} is in no child of wide node {index}");
+            below.extend([tree.nodes[at as usize].left, tree.nodes[at as usize].right]);
+        }
+        require!(ends.is_empty(), "wide node {index} has children that are not below it: {ends:?}");
+        let mut first = node.first_triangle;
+        for leaf in &node.leaves {
+            let size = inner(leaf.node).map_or(1, |s| s.triangles);
+            require!(inner(leaf.node).is_none_or(|s| s.inner == 0), "leaf {} is none", leaf.node);
+            require!(
+                leaf.triangles == size,
+                "leaf {} has {} triangles, not {size}",
+                leaf.node,
+                leaf.triangles
+            );
+            runs.push((first, first + size));
+            first += size;
+        }
+        for (i, &child) in node.nodes.iter().enumerate() {
+            require!(
+                inner(child).is_some_and(|s| s.inner > 0),
+                "node {child} is a leaf, in wide node {index}"
+            );
+            todo.push((node.first_node + i as u32, child));
+        }
+    }
+    let unreached = reached.iter().filter(|r| !**r).count();
+    require!(unreached == 0, "{unreached} wide nodes are not reached");
+    runs.sort_unstable();
+    let mut end = 0;
+    for (first, last) in runs {
+        require!(first == end, "triangles of a leaf start at {first}, those before end at {end}");
+        end = last;
+    }
+    require!(end as usize == tree.leaves, "leaves hold {end} of {} triangles", tree.leaves);
+    Ok(())
+}
+
 /// Checks nodes in a layout: every node is reached once, every triangle is in one leaf and unchanged, and
-/// every box contains the boxes and triangles below it. Returns the depth: nodes on the longest way down.
+/// every child's box is exactly, or where the layout rounds contains, the box of all triangles below it.
+/// Returns the depth: nodes on the longest way down.
 ///
 /// # Errors
 /// The first violation found.
@@ -82,24 +156,21 @@ pub fn layout<L: NodeLayout>(
         require!(t.corners() == triangles[p], "place {i} holds other corners than triangle {p}");
     }
 
+    // From the root down, in the order in which nodes are reached: children come after their parents.
     let mut reached = vec![false; nodes.len()];
     let mut in_leaf = vec![false; n];
-    let mut depth = 0;
-    // A node, its own depth, and the box that its parent keeps for it.
-    let mut stack = vec![(0u32, 1, None::<Aabb>)];
-    while let Some((i, at, bounds)) = stack.pop() {
+    let mut order = vec![(0u32, 1)];
+    let mut next = 0;
+    while let Some(&(i, depth)) = order.get(next) {
+        next += 1;
         require!((i as usize) < nodes.len(), "node {i} of {}", nodes.len());
         require!(!reached[i as usize], "node {i} is reached twice");
         reached[i as usize] = true;
-        depth = depth.max(at);
-        let within = |b: &Aabb| bounds.is_none_or(|outer| outer.contains(b));
-        let mut in_node = 0;
-        let mut empty = true;
+        let (mut in_node, mut empty) = (0, true);
         for child in children::<L>(&nodes[i as usize]) {
             empty = false;
-            require!(within(&child.bounds), "a child's box sticks out of node {i}");
             match child.target {
-                Target::Node(index) => stack.push((index, at + 1, Some(child.bounds))),
+                Target::Node(index) => order.push((index, depth + 1)),
                 Target::Leaf { first, count } => {
                     let (first, count) = (first as usize, count as usize);
                     require!(
@@ -108,11 +179,9 @@ pub fn layout<L: NodeLayout>(
                     );
                     require!(first + count <= n, "a leaf of node {i} ends at {} of {n}", first + count);
                     in_node += count;
-                    for t in first..first + count {
-                        require!(!in_leaf[t], "place {t} is in two leaves");
-                        in_leaf[t] = true;
-                        let own = Aabb::of(&leaf_triangles[t].corners());
-                        require!(child.bounds.contains(&own), "place {t} sticks out of its leaf in node {i}");
+                    for (place, taken) in in_leaf.iter_mut().enumerate().skip(first).take(count) {
+                        require!(!*taken, "place {place} is in two leaves");
+                        *taken = true;
                     }
                 }
             }
@@ -124,7 +193,25 @@ pub fn layout<L: NodeLayout>(
     require!(unreached == 0, "{unreached} nodes are not reached");
     let outside = in_leaf.iter().filter(|r| !**r).count();
     require!(outside == 0, "{outside} triangles are in no leaf");
-    Ok(depth)
+
+    let mut exact = vec![Aabb::EMPTY; nodes.len()];
+    for &(i, _) in order.iter().rev() {
+        for child in children::<L>(&nodes[i as usize]) {
+            let bounds = match child.target {
+                Target::Node(index) => exact[index as usize],
+                Target::Leaf { first, count } => leaf_triangles[first as usize..(first + count) as usize]
+                    .iter()
+                    .fold(Aabb::EMPTY, |b, t| b.union(&Aabb::of(&t.corners()))),
+            };
+            require!(child.bounds.contains(&bounds), "something sticks out of a child of node {i}");
+            require!(
+                !L::EXACT || child.bounds == bounds,
+                "a child of node {i} has a larger box than it needs"
+            );
+            exact[i as usize] = exact[i as usize].union(&bounds);
+        }
+    }
+    Ok(order.last().map_or(0, |&(_, depth)| depth))
 }
 
 #[cfg(test)]
@@ -132,7 +219,8 @@ mod tests {
     use super::*;
     use crate::{
         collapse::{self, CollapseParams},
-        layout::binary::{self, Binary},
+        contract::{self, ContractParams},
+        layout::binary::{self, Binary, BinaryNode},
         ploc::{self, PlocParams},
     };
 
@@ -164,18 +252,42 @@ mod tests {
     }
 
     #[test]
+    fn a_sound_wide_tree_passes_and_each_kind_of_damage_is_found() {
+        let (_, tree) = build(20);
+        let subtrees =
+            collapse::cpu::collapse(&tree, 1.0, &CollapseParams { max_leaf: 2, ..Default::default() });
+        let sound = contract::cpu::contract(&tree, &subtrees, 1.0, 4, &ContractParams::default(), None);
+        assert_eq!(wide(&sound, &tree, &subtrees), Ok(()));
+        let damage = |f: fn(&mut WideBvh)| {
+            let mut damaged = sound.clone();
+            f(&mut damaged);
+            wide(&damaged, &tree, &subtrees).unwrap_err().0
+        };
+        assert!(damage(|w| w.nodes[0].triangles += 1).contains("21 triangles, not 20"));
+        assert!(damage(|w| w.nodes[2].first_node = 1).contains("reached twice"));
+        assert!(damage(|w| w.nodes[0].nodes.swap(0, 1)).contains("not"));
+        assert!(damage(|w| w.nodes[1].first_triangle += 1).contains("start at"));
+        assert!(damage(|w| w.nodes[0].nodes.truncate(3)).contains("in no child"));
+        let bottom = sound.nodes.len() - 1;
+        assert!(!sound.nodes[bottom].leaves.is_empty());
+        assert!(damage(|w| w.nodes.last_mut().unwrap().leaves[0].triangles += 1).contains("triangles, not"));
+    }
+
+    #[test]
     fn a_sound_layout_passes_and_each_kind_of_damage_is_found() {
         let (triangles, tree) = build(20);
         let subtrees =
             collapse::cpu::collapse(&tree, 1.0, &CollapseParams { max_leaf: 2, ..Default::default() });
-        let (nodes, leaves) = binary::cpu::rearrange(&tree, &subtrees, &triangles);
+        let wide = contract::cpu::contract(&tree, &subtrees, 1.0, 2, &ContractParams::default(), None);
+        let (nodes, leaves) = crate::layout::cpu::encode::<Binary>(&wide, &tree, &triangles);
         assert_eq!(layout::<Binary>(&nodes, &leaves, &triangles), Ok(subtrees[18].height as usize));
-        let damage = |f: fn(&mut Vec<binary::BinaryNode>, &mut Vec<LeafTriangle>)| {
+        let damage = |f: fn(&mut Vec<BinaryNode>, &mut Vec<LeafTriangle>)| {
             let (mut nodes, mut leaves) = (nodes.clone(), leaves.clone());
             f(&mut nodes, &mut leaves);
             layout::<Binary>(&nodes, &leaves, &triangles).unwrap_err().0
         };
-        assert!(damage(|n, _| n[1].hi0[0] += 100.0).contains("sticks out"));
+        assert!(damage(|n, _| n[1].hi0[0] += 100.0).contains("larger box"));
+        assert!(damage(|n, _| n[1].hi0[0] -= 0.25).contains("sticks out"));
         assert!(damage(|n, _| n[0].child0 = n[0].child1).contains("twice"));
         assert!(damage(|n, _| n.push(binary::EMPTY_NODE)).contains("not reached"));
         assert!(damage(|_, l| l.swap(0, 19)).contains("sticks out"));

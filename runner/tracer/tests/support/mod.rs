@@ -3,14 +3,18 @@
 
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
-use std::sync::OnceLock;
+use std::{
+    collections::HashMap,
+    sync::{Mutex, OnceLock},
+};
 use tracer::{
-    builder::{BuildParams, Builder},
+    builder::{BuildParams, BuildWorkspace, Builder, Summary},
     bvh2::Triangle,
-    gpu::{Buffer, Gpu, Options},
-    layout::{LeafTriangle, binary::BinaryNode},
+    gpu::{Gpu, Options},
+    layout::Layout,
     scene::{LoadReport, Material, Origin, Provenance, Scene, Sky, View},
-    traverse::Tree,
+    traverse::{Counting, Counts, Hit, Params, Ray, Traversal, Tree, cpu},
+    with_layout,
 };
 
 /// One device for all tests of a binary, with validation on.
@@ -116,19 +120,29 @@ pub fn awkward(n: usize) -> Vec<(&'static str, Vec<Triangle>)> {
     ]
 }
 
+/// The nearest hit of a ray, and what it cost, as the CPU finds them.
+pub type Twin = Box<dyn Fn(&Ray) -> (Hit, Counts) + Send + Sync>;
+
 /// A tree on the device and on the host.
 pub struct Planted {
     pub tree: Tree,
-    pub nodes: Vec<BinaryNode>,
-    pub leaves: Vec<LeafTriangle>,
-    _nodes: Buffer,
-    _leaves: Buffer,
+    pub summary: Summary,
+    /// Traverses the nodes that the device wrote.
+    pub twin: Twin,
+    /// The last build in it is this tree.
+    pub workspace: BuildWorkspace,
 }
 
 /// A builder with the usual parameters; compiling its kernels takes longer than most builds.
+pub fn builder_of(layout: Layout) -> &'static Builder {
+    static BUILDERS: [OnceLock<Builder>; Layout::ALL.len()] = [const { OnceLock::new() }; Layout::ALL.len()];
+    BUILDERS[layout as usize]
+        .get_or_init(|| Builder::new(gpu(), &BuildParams::default(), layout).expect("a builder"))
+}
+
+/// The same for the layout that most tests are content with.
 pub fn builder() -> &'static Builder {
-    static BUILDER: OnceLock<Builder> = OnceLock::new();
-    BUILDER.get_or_init(|| Builder::new(gpu(), &BuildParams::default()).unwrap())
+    builder_of(Layout::Binary)
 }
 
 /// Builds a tree.
@@ -136,17 +150,31 @@ pub fn plant(builder: &Builder, triangles: &[Triangle]) -> Planted {
     let workspace = builder.workspace(triangles.len()).unwrap();
     let buffer = gpu().upload("triangles", triangles).unwrap();
     let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
-    let (nodes, leaves) = (workspace.nodes, workspace.triangles);
     let extent = triangles.as_flattened().as_flattened().iter().fold(0f32, |m, x| m.max(x.abs()));
-    let tree =
-        Tree { nodes: nodes.address(), triangles: leaves.address(), depth: report.summary.depth, extent };
-    Planted {
-        tree,
-        nodes: nodes.read(0, report.summary.nodes as usize).unwrap(),
-        leaves: leaves.read(0, triangles.len()).unwrap(),
-        _nodes: nodes,
-        _leaves: leaves,
-    }
+    let tree = workspace.wide.tree(&report.summary, extent);
+    let leaves = workspace.wide.triangles.read(0, triangles.len()).unwrap();
+    let twin: Twin = with_layout!(tree.layout, L => {
+        let nodes = workspace.wide.read_nodes::<L>(report.summary.nodes as usize).unwrap();
+        Box::new(move |ray| cpu::closest_hit::<L>(&nodes, &leaves, extent, ray))
+    });
+    Planted { tree, summary: report.summary, twin, workspace }
+}
+
+/// The kernels with the usual parameters for a tree, compiled once for all trees that are served by them.
+pub fn traversal(tree: &Tree, counting: Counting) -> &'static Traversal {
+    type Key = (Layout, usize, u32, u32);
+    static KERNELS: Mutex<Option<HashMap<Key, &'static OnceLock<Traversal>>>> = Mutex::new(None);
+    let params = Params::default();
+    let stack = tree.stack.next_multiple_of(32).max(params.stack);
+    let key = (tree.layout, tree.stride, stack, counting as u32);
+    // Nobody waits for kernels that somebody else compiles, unless they are the same.
+    let slot = *KERNELS
+        .lock()
+        .unwrap()
+        .get_or_insert_default()
+        .entry(key)
+        .or_insert_with(|| Box::leak(Box::default()));
+    slot.get_or_init(|| Traversal::new(gpu(), &params, tree, counting).unwrap())
 }
 
 /// Corners of an icosahedron whose faces were each cut in four `levels` times, on the unit sphere, and its
@@ -191,7 +219,7 @@ pub fn icosphere(levels: u32) -> (Vec<[f32; 3]>, Vec<[usize; 3]>) {
         [9, 8, 1],
     ];
     for _ in 0..levels {
-        let mut middles = std::collections::HashMap::new();
+        let mut middles = HashMap::new();
         let mut middle = |a: usize, b: usize| {
             *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
                 let sum = std::array::from_fn(|k| corners[a][k] + corners[b][k]);

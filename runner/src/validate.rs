@@ -1,0 +1,324 @@
+//! `runner validate`: every invariant and the oracle, on a user's own scene.
+
+use crate::{
+    args::{self, Global},
+    commands::print,
+    params::Params,
+    session::{Loaded, Session, TraceMemory},
+    table::thousands,
+    variant::Variant,
+};
+use anyhow::{Context, bail};
+use rayon::prelude::*;
+use std::fmt::Display;
+use tracer::{
+    builder::{Builder, Widen},
+    bvh2::Triangle,
+    collapse, contract,
+    gpu::Pass,
+    layout::{self, Layout, LeafTriangle},
+    path::{self, Camera, PathTracer},
+    traverse::{Counting, Hit, Ray, Traversal, Tree, Wave, cpu},
+    validate, with_layout,
+};
+
+/// Checks the variants that the command line names and says what was checked.
+///
+/// # Errors
+/// Something does not hold, or could not be checked.
+pub fn validate(global: &Global, arguments: &args::Validate) -> anyhow::Result<()> {
+    let variants = Variant::select(&arguments.variant)?;
+    let params: Vec<Params> =
+        variants.iter().map(|&v| Params::with(v, &arguments.tuning.set)).collect::<anyhow::Result<_>>()?;
+    let session = Session::open(global)?;
+    let loaded = session.load(&arguments.scene)?;
+    let mut failures = 0;
+    for (&variant, params) in variants.iter().zip(&params) {
+        let mut checks = Checks { variant, failures: 0, held: Vec::new() };
+        let done = check(&session, &loaded, variant, params, arguments, &mut checks)
+            .with_context(|| format!("{variant} could not be checked to the end"));
+        checks.print()?;
+        done?;
+        failures += checks.failures;
+    }
+    session.finish()?;
+    if failures > 0 {
+        bail!("{failures} checks failed");
+    }
+    print(&format!("{}: everything holds", loaded.scene.name))
+}
+
+/// What has been checked of one variant: failures are printed at once, the rest in a line a check.
+struct Checks {
+    variant: Variant,
+    failures: usize,
+    /// By check: how often it held, and what the last look was at.
+    held: Vec<(&'static str, usize, String)>,
+}
+
+impl Checks {
+    /// Counts one check: what was looked at, or what is wrong with it.
+    fn report(
+        &mut self,
+        what: &'static str,
+        view: &str,
+        found: Result<String, String>,
+    ) -> anyhow::Result<()> {
+        match found {
+            Ok(looked) => {
+                match self.held.iter_mut().find(|(known, ..)| *known == what) {
+                    Some((_, times, last)) => (*times, *last) = (*times + 1, looked),
+                    None => self.held.push((what, 1, looked)),
+                }
+                Ok(())
+            }
+            Err(wrong) => {
+                self.failures += 1;
+                let of_view = if view.is_empty() { String::new() } else { format!(", tree for {view:?}") };
+                print(&format!("FAILED  {}: {what}{of_view}: {wrong}", self.variant))
+            }
+        }
+    }
+
+    fn print(&self) -> anyhow::Result<()> {
+        for (what, times, last) in &self.held {
+            let several = if *times > 1 { format!(" ({times} trees, this the last)") } else { String::new() };
+            print(&format!("ok      {}: {what}: {last}{several}", self.variant))?;
+        }
+        Ok(())
+    }
+}
+
+fn require(holds: bool, wrong: impl Display) -> Result<(), String> {
+    if holds { Ok(()) } else { Err(wrong.to_string()) }
+}
+
+fn check(
+    session: &Session,
+    loaded: &Loaded,
+    variant: Variant,
+    params: &Params,
+    arguments: &args::Validate,
+    checks: &mut Checks,
+) -> anyhow::Result<()> {
+    let gpu = &session.gpu;
+    let triangles = &loaded.scene.positions;
+    let (count, extent) = (triangles.len(), loaded.device.extent);
+
+    // The binary tree in its own layout: what the variant is held against, and what sample rays go through.
+    let binary = Builder::new(gpu, &params.build(Variant::BINARY), Layout::Binary)?;
+    let workspace = binary.workspace(count)?;
+    let report = binary.build(&workspace, &loaded.device.positions, count, false)?;
+    let reference = workspace.wide.tree(&report.summary, extent);
+
+    let tree = workspace.read_tree(count)?;
+    let scale = workspace.read_bounds()?.scale();
+    let sound = validate::bvh2(&tree, triangles).map_err(|e| e.to_string());
+    checks.report(
+        "binary tree",
+        "",
+        sound.map(|()| {
+            let nodes = thousands(tree.nodes.len() as u64);
+            format!("{nodes} nodes: each triangle in one leaf, each node with one parent, boxes exact")
+        }),
+    )?;
+    let subtrees = workspace.read_subtrees(count)?;
+    checks.report(
+        "collapse",
+        "",
+        require(
+            subtrees == collapse::cpu::collapse(&tree, scale, &params.collapse),
+            "not what the CPU decides",
+        )
+        .map(|()| format!("{} decisions as the CPU takes them", thousands(subtrees.len() as u64))),
+    )?;
+
+    let size = (arguments.size.width, arguments.size.height);
+    let path = path::Params { depth: arguments.depth, seed: arguments.seed };
+    let tracer = PathTracer::new(gpu, &loaded.device, size, &path, false)?;
+    let names: Vec<String> = loaded.scene.views.iter().map(|v| v.name.clone()).collect();
+    let views = match &arguments.views {
+        Some(list) => args::pick(&names, list).map_err(anyhow::Error::msg)?,
+        None => (0..names.len()).collect(),
+    };
+    let cameras: Vec<Camera> =
+        views.iter().map(|&v| Camera::new(&loaded.scene.views[v], size.0, size.1)).collect();
+
+    // Rays of every view and depth, and what they hit in the binary tree.
+    let plain = session.traversal(&reference, params, Counting::Nothing)?;
+    let mut rays: Vec<Ray> = Vec::new();
+    let mut hits: Vec<Hit> = Vec::new();
+    tracer.clear()?;
+    for camera in &cameras {
+        tracer.wavefronts(&plain, &reference, camera, 0, |wave| {
+            rays.extend(wave.rays);
+            hits.extend(wave.hits);
+            true
+        })?;
+    }
+
+    let contracted = params.build(variant).contract;
+    let widen = Widen::new(gpu, &params.build(variant), variant.layout)?;
+    let wide = widen.workspace(count)?;
+    let visits = contract::VisitCounter::new(gpu, count)?;
+    let sampler = session.traversal(&reference, params, Counting::Visits)?;
+    // A variant that goes by view has a tree for each; the others have one for all.
+    let own_views = if variant.by_view { cameras.len() } else { 1 };
+    for view in 0..own_views {
+        let of_view = if variant.by_view { names[views[view]].as_str() } else { "" };
+        let seen = if variant.by_view {
+            let (tree, sampling) = (&reference, &params.cbtc);
+            tracer.sample_visits(&sampler, tree, &cameras[view], sampling, &workspace, &visits)?;
+            let threshold = sampling.threshold;
+            Some((visits.by_inner.read(0, count.max(2) - 1)?, threshold))
+        } else {
+            None
+        };
+        let on_device = seen
+            .as_ref()
+            .map(|(_, threshold)| contract::Visits { counts: &visits.by_inner, threshold: *threshold });
+        let report = widen.build(&workspace, &wide, &loaded.device.positions, count, on_device)?;
+        let summary = report.summary;
+        let made = wide.read_wide(summary.nodes as usize)?;
+        let twin_visits =
+            seen.as_ref().map(|(counts, threshold)| contract::cpu::Visits { counts, threshold: *threshold });
+        let arity = variant.layout.arity();
+        let twin = contract::cpu::contract(&tree, &subtrees, scale, arity, &contracted, twin_visits);
+        let nodes = thousands(u64::from(summary.nodes));
+        checks.report(
+            "contraction",
+            of_view,
+            validate::wide(&made, &tree, &subtrees)
+                .map_err(|e| e.to_string())
+                .and_then(|()| require(made.canonical() == twin, "another tree than the CPU makes"))
+                .and_then(|()| {
+                    let found = (summary.depth, summary.stack);
+                    require(made.depth_and_stack() == found, format!("{found:?} is not its depth and stack"))
+                })
+                .map(|()| {
+                    let form = format!("{:?}", widen.form()).to_lowercase();
+                    let method = contracted.method;
+                    format!("{nodes} nodes by {method} ({form}), the tree that the CPU makes")
+                }),
+        )?;
+        let found = with_layout!(variant.layout, L => {
+            let stored = wide.read_nodes::<L>(summary.nodes as usize)?;
+            let leaves: Vec<LeafTriangle> = wide.triangles.read(0, count)?;
+            let same = {
+                let (nodes, order) = layout::cpu::encode::<L>(&made, &tree, triangles);
+                bytemuck::cast_slice::<_, u8>(&nodes) == bytemuck::cast_slice::<_, u8>(&stored)
+                    && order == leaves
+            };
+            require(same, "not the bytes that the CPU writes").and_then(|()| {
+                validate::layout::<L>(&stored, &leaves, triangles).map_err(|e| e.to_string())
+            })
+        });
+        let bytes = variant.layout.node_bytes();
+        checks.report(
+            "layout",
+            of_view,
+            found.map(|depth| {
+                format!(
+                    "{nodes} nodes of {bytes} bytes, {depth} deep, as the CPU writes them; boxes contain all \
+                     below them, {} triangles in one leaf each",
+                    thousands(count as u64)
+                )
+            }),
+        )?;
+
+        let own = wide.tree(&summary, extent);
+        let traversal = session.traversal(&own, params, Counting::Nothing)?;
+        let found = trace(session, &traversal, &own, &rays)?;
+        checks.report("hits", of_view, same_hits(triangles, &rays, &hits, &found, extent))?;
+        let part = oracle(&rays, count, arguments.brute_force);
+        checks.report("brute force", of_view, brute(triangles, &rays, &found, extent, part))?;
+    }
+    Ok(())
+}
+
+fn trace(session: &Session, traversal: &Traversal, tree: &Tree, rays: &[Ray]) -> anyhow::Result<Vec<Hit>> {
+    let memory = TraceMemory::new(&session.gpu, rays)?;
+    let mut pass = Pass::new(&session.gpu)?;
+    traversal.record(&mut pass, "trace", Wave::Secondary, tree, &memory.buffers(), rays.len());
+    pass.submit()?;
+    traversal.check(0, &memory.queue()?)?;
+    memory.hits()
+}
+
+/// A hit's distance evaluated once more in double precision for the triangle that was chosen: over slivers
+/// the distances that kernels compute differ by more than rays that go astray.
+fn distance(triangles: &[Triangle], ray: &Ray, hit: &Hit) -> f32 {
+    match triangles.get(hit.triangle as usize) {
+        Some(triangle) => cpu::refine(ray, triangle, hit.t),
+        None => hit.t,
+    }
+}
+
+/// Whether two distances along a ray are the same: to 1e-5 of themselves, and to what single precision can
+/// tell about coordinates of the scene's extent.
+fn agree(a: f32, b: f32, ray: &Ray, extent: f32) -> bool {
+    let reach = ray.origin.iter().fold(extent, |m, x| m.max(x.abs()));
+    let length = ray.direction.iter().map(|d| d * d).sum::<f32>().sqrt();
+    let off = (a - b).abs();
+    a == b || off.is_finite() && off <= 1e-5 * a.abs().max(b.abs()) + 1e-6 * reach / length
+}
+
+fn same_hits(
+    triangles: &[Triangle],
+    rays: &[Ray],
+    expected: &[Hit],
+    found: &[Hit],
+    extent: f32,
+) -> Result<String, String> {
+    let of = |hits: &[Hit], i: usize| distance(triangles, &rays[i], &hits[i]);
+    let differs = |i: &usize| !agree(of(expected, *i), of(found, *i), &rays[*i], extent);
+    let wrong: Vec<usize> = (0..rays.len()).into_par_iter().filter(differs).collect();
+    match wrong.first() {
+        None => Ok(format!(
+            "{} primary rays and bounces of all views at the distances of Binary",
+            thousands(rays.len() as u64)
+        )),
+        Some(&i) => Err(format!(
+            "{} of {} rays differ from Binary, the first {:?}: {:?}, not {:?}",
+            wrong.len(),
+            rays.len(),
+            rays[i],
+            found[i],
+            expected[i]
+        )),
+    }
+}
+
+/// Which rays are traced by brute force: every so-many-th, so that tests stay below `millions`.
+fn oracle(rays: &[Ray], triangles: usize, millions: u64) -> usize {
+    let affordable = (millions * 1_000_000 / triangles as u64).max(1);
+    (rays.len() as u64).div_ceil(affordable).max(1) as usize
+}
+
+fn brute(
+    triangles: &[Triangle],
+    rays: &[Ray],
+    found: &[Hit],
+    extent: f32,
+    step: usize,
+) -> Result<String, String> {
+    let chosen: Vec<usize> = (0..rays.len()).step_by(step).collect();
+    let wrong: Vec<(usize, Hit)> = chosen
+        .par_iter()
+        .filter_map(|&i| {
+            let hit = cpu::brute_force(triangles, &rays[i]);
+            let of = |hit: &Hit| distance(triangles, &rays[i], hit);
+            (!agree(of(&hit), of(&found[i]), &rays[i], extent)).then_some((i, hit))
+        })
+        .collect();
+    match wrong.first() {
+        None => Ok(format!("{} rays against all triangles", thousands(chosen.len() as u64))),
+        Some((i, hit)) => Err(format!(
+            "{} of {} rays differ from brute force, the first {:?}: {:?}, not {hit:?}",
+            wrong.len(),
+            chosen.len(),
+            rays[*i],
+            found[*i]
+        )),
+    }
+}

@@ -1,0 +1,90 @@
+#version 460
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#extension GL_EXT_control_flow_attributes : require
+#extension GL_GOOGLE_include_directive : require
+#include "bvh2.glsl"
+#include "wide.glsl"
+
+// Stores the nodes of a wide tree as a layout wants them, an invocation a node. How one is stored is in the
+// layout's own `encode.glsl`.
+
+layout(local_size_x_id = 0) in;
+// Bytes from one node to the next.
+layout(constant_id = 1) const uint STRIDE = 4;
+
+layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer Words {
+    uint v[];
+};
+
+layout(push_constant, scalar) uniform Push {
+    Bvh2Nodes nodes;
+    WideNodes wide;
+    Progress progress;
+    Words nodes_out;
+};
+
+struct WideNode {
+    uint first_node;
+    uint first_triangle;
+    uint children;
+    uint leaves;
+    uint triangles;
+    uint child[ARITY];  // index in the binary tree
+    uint size[ARITY];   // triangles of a leaf less one, 0 for a node
+};
+
+// What stands in an absent slot: a point at infinity, which every slab test misses, whichever way the ray
+// goes, while a box with lo > hi would be hit by those that sort the two planes.
+Box absent() {
+    vec3 infinity = vec3(uintBitsToFloat(0x7f800000));
+    return Box(infinity, infinity);
+}
+
+// See layout/binary/mod.rs.
+uint child_code(WideNode node, uint slot, inout uint next_node, inout uint next_triangle) {
+    if (slot >= node.children) {
+        return 0x80000000u;
+    }
+    if (slot >= node.leaves) {
+        return next_node++;
+    }
+    uint code = 0x80000000u | node.size[slot] << 27 | next_triangle;
+    next_triangle += node.size[slot] + 1;
+    return code;
+}
+
+#if defined(LAYOUT_QUANTIZED)
+#include "layout/quantized/encode.glsl"
+#elif defined(LAYOUT_WIDE)
+#include "layout/wide/encode.glsl"
+#else
+#include "layout/binary/encode.glsl"
+#endif
+
+void main() {
+    uint count = wide_complete(progress) ? progress.nodes : 0;
+    uint stride = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+    for (uint i = gl_GlobalInvocationID.x; i < count; i += stride) {
+        uint at = (WIDE_HEADER + ARITY) * i;
+        WideNode node;
+        node.first_node = wide.v[at + 0];
+        node.first_triangle = wide.v[at + 1];
+        uint counts = wide.v[at + 2];
+        node.children = counts >> 4;
+        node.leaves = counts & 15;
+        node.triangles = wide.v[at + 3];
+        Box box[ARITY];
+        [[unroll]] for (uint slot = 0; slot < ARITY; slot++) {
+            box[slot] = absent();
+            if (slot < node.children) {
+                uint word = wide.v[at + WIDE_HEADER + slot];
+                node.child[slot] = word & WIDE_CHILD_MASK;
+                node.size[slot] = word >> WIDE_COUNT_SHIFT;
+                box[slot] = bvh2_box(nodes.v[node.child[slot]]);
+            }
+        }
+        encode(Words(uint64_t(nodes_out) + uint64_t(i) * STRIDE), node, box);
+    }
+}

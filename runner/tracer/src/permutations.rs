@@ -1,0 +1,79 @@
+//! Which kernels are compiled more than once, and for what: the one table that the build script, the
+//! shaders and the host go by.
+//!
+//! GLSL can size arrays in a node by macros only, not by specialization constants (thesis 3.1), so arity
+//! and layout are settled when a shader is compiled. This file is plain Rust without dependencies, because
+//! the build script includes it too.
+
+/// How a node is stored. Each has a folder under `layout/`, and a number of children.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Layout {
+    /// Two children, 56 bytes (thesis 4.1).
+    Binary,
+    /// Up to four children, 120 bytes (thesis 4.3.1).
+    Wide4,
+    /// Up to six children, 176 bytes.
+    Wide6,
+    /// Up to eight children, 232 bytes.
+    Wide8,
+    /// Up to four children, 52 bytes (thesis 4.3.2).
+    Quantized4,
+    /// Up to six children, 64 bytes.
+    Quantized6,
+    /// Up to eight children, 76 bytes.
+    Quantized8,
+}
+
+impl Layout {
+    /// Every layout, in the order of tables.
+    pub const ALL: &[Self] = &[
+        Self::Binary,
+        Self::Wide4,
+        Self::Wide6,
+        Self::Wide8,
+        Self::Quantized4,
+        Self::Quantized6,
+        Self::Quantized8,
+    ];
+
+    /// Most children of a node.
+    pub const fn arity(self) -> usize {
+        match self {
+            Self::Binary => 2,
+            Self::Wide4 | Self::Quantized4 => 4,
+            Self::Wide6 | Self::Quantized6 => 6,
+            Self::Wide8 | Self::Quantized8 => 8,
+        }
+    }
+
+    /// Its name in shader and file names.
+    pub const fn symbol(self) -> &'static str {
+        match self {
+            Self::Binary => "binary",
+            Self::Wide4 => "wide4",
+            Self::Wide6 => "wide6",
+            Self::Wide8 => "wide8",
+            Self::Quantized4 => "quantized4",
+            Self::Quantized6 => "quantized6",
+            Self::Quantized8 => "quantized8",
+        }
+    }
+
+    /// The macro that tells shaders which folder's `node.glsl` to take; `ARITY` tells them the rest.
+    pub const fn family(self) -> &'static str {
+        match self {
+            Self::Binary => "LAYOUT_BINARY",
+            Self::Wide4 | Self::Wide6 | Self::Wide8 => "LAYOUT_WIDE",
+            Self::Quantized4 | Self::Quantized6 | Self::Quantized8 => "LAYOUT_QUANTIZED",
+        }
+    }
+}
+
+/// Arities that contraction kernels are compiled for.
+pub const ARITIES: &[usize] = &[2, 4, 6, 8];
+
+/// Sources under `src/` that are compiled once for each of [`Layout::ALL`].
+pub const PER_LAYOUT: &[&str] = &["layout/encode", "traverse/closest_hit", "path/single"];
+
+/// Sources under `src/` that are compiled once for each of [`ARITIES`].
+pub const PER_ARITY: &[&str] = &["contract/levels", "contract/handover"];

@@ -1,0 +1,21 @@
+#version 460
+// The traversal of one wavefront.
+#extension GL_GOOGLE_include_directive : require
+#include "traverse/closest_hit.glsl"
+
+layout(local_size_x_id = 0) in;
+
+layout(push_constant, scalar) uniform Arguments {
+    Rays rays;
+    Hits hits;
+    uint64_t nodes;
+    Triangles triangles;
+    Queue queue;
+    Counts counts;
+    Visits visits;
+    float extent;
+};
+
+void main() {
+    closest_hits(Tree(nodes, triangles, counts, visits, extent), rays, hits, queue);
+}

@@ -1,0 +1,198 @@
+// Closest hit: speculative while-while traversal with persistent threads (Aila and Laine 2009; thesis 2.3,
+// 4.1 and 4.4). One ray a lane. One source for every layout: `node.glsl` of a layout says how a node's
+// children are tested.
+//
+// Two schedules. In phases, for rays that stay together:
+//
+//   until the queue is empty and no lane has a ray:
+//       when few lanes have a ray, idle lanes fetch new ones
+//       until every lane has a leaf to test (or no ray): inner nodes; the first leaf found is postponed
+//       until few lanes have a leaf while others could go on: triangles
+//
+// By vote, for rays that go their own ways:
+//
+//   until the queue is empty and no lane has a ray:
+//       when few lanes have a ray, idle lanes fetch new ones
+//       an inner node or a triangle, whichever more lanes are ready for
+//
+// All loops are uniform in the subgroup: lanes without work take part idle, so votes mean the same on every
+// driver, whether or not it reconverges diverged lanes.
+#extension GL_KHR_shader_subgroup_vote : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
+
+#include "ray.glsl"
+#include "slab.glsl"
+#include "triangle.glsl"
+
+layout(constant_id = 1) const uint STACK_SIZE = 64;
+// Lanes with a ray under which idle lanes fetch new ones.
+layout(constant_id = 2) const uint FETCH_BELOW = 20;
+// Loop iterations after which a subgroup leaves, 0 for none: some drivers end loops silently.
+layout(constant_id = 3) const uint QUOTA = 0;
+// What is counted: NOTHING, what each ray costs, or how often each node is visited.
+layout(constant_id = 4) const uint COUNT = 0;
+const uint RAYS = 1, VISITS = 2;
+// Lanes that, when no more than these still test triangles, keep theirs postponed while others go on.
+layout(constant_id = 5) const uint POSTPONE = 8;
+// Bytes from one node to the next.
+layout(constant_id = 6) const uint STRIDE = 4;
+// 0 for phases; else the schedule is by vote, in which so many lanes at an inner node weigh as much as 32 with
+// a triangle.
+layout(constant_id = 7) const uint VOTE = 0;
+
+// A child: a node's index, or a leaf with its top bit set: 4 bits of count minus one, 27 bits of the first
+// triangle (thesis figure 12). NONE cannot be a leaf: its triangles would exceed 27 bits.
+const uint NONE = 0xFFFFFFFFu;
+const uint LEAF_BIT = 0x80000000u;
+
+#if defined(LAYOUT_QUANTIZED)
+#include "layout/quantized/node.glsl"
+#elif defined(LAYOUT_WIDE)
+#include "layout/wide/node.glsl"
+#else
+#include "layout/binary/node.glsl"
+#endif
+#include "traverse/order.glsl"
+
+// Iterations that count towards QUOTA for one node. Loops that are to be unrolled count too, and their last,
+// empty rounds: drivers that end loops count those they did not unroll.
+const uint NODE_STEPS = 1 + MEET_STEPS + ARITY;
+
+// Per ray: nodes visited, boxes tested, triangles tested, nothing.
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Counts {
+    uvec4 items[];
+};
+// Per node, how many rays have visited it.
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Visits {
+    uint items[];
+};
+
+// `Tree` in traverse/mod.rs, and where the counters go.
+struct Tree {
+    uint64_t nodes;
+    Triangles triangles;
+    Counts counts;
+    Visits visits;
+    float extent;
+};
+
+bool is_inner(uint child) {
+    return int(child) >= 0;
+}
+bool is_leaf(uint child) {
+    return int(child) < 0 && child != NONE;
+}
+
+uint lanes(bool which) {
+    return subgroupBallotBitCount(subgroupBallot(which));
+}
+
+// Closest hits of the rays in a queue, until none is left.
+//
+// The steps that both schedules are made of are included, so that all they work on are variables of this
+// function, which drivers keep in registers but for the stack.
+void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
+    uint ray = MISS;
+    uint node = NONE;  // to visit next: inner node or leaf
+    uint leaf = NONE;  // postponed
+    vec3 origin;
+    float t_min;
+    Slab slab;
+    Shear shear;
+    Hit best;
+
+    uint stack[STACK_SIZE];
+    int top = 0;
+    stack[0] = NONE;
+
+    uint nodes_visited = 0;
+    uint boxes_tested = 0;
+    uint triangles_tested = 0;
+    uint finished = 0;
+    uint steps = 0;             // loop iterations, for drivers that count them
+    bool more = true;           // rays may be left in the queue
+    const uint count = queue.count;
+
+    if (VOTE == 0) {
+        for (;;) {
+            steps++;
+            uint busy = lanes(ray != MISS);
+            if (more && busy < FETCH_BELOW) {
+#include "traverse/fetch.glsl"
+                busy = lanes(ray != MISS);
+            }
+            if (busy == 0) {
+                break;
+            }
+            // Inner nodes, until every lane with a ray has a leaf or has nothing left.
+            while (subgroupAny(is_inner(node) && leaf == NONE)) {
+                steps += NODE_STEPS;
+                if (is_inner(node)) {
+#include "traverse/visit_node.glsl"
+                }
+                if (QUOTA != 0 && steps > QUOTA) {
+                    break;
+                }
+            }
+            // Triangles, of the postponed leaf and of a second one where the lane waits with it. The first
+            // round tests at least one, because the loop above leaves no lane with a node but without a leaf.
+            for (;;) {
+                uint testing = lanes(leaf != NONE);
+                if (testing == 0 || (testing <= POSTPONE && subgroupAny(is_inner(node) && leaf == NONE))) {
+                    break;
+                }
+                steps++;
+                bool uncertain = false;
+                if (leaf != NONE) {
+#include "traverse/test_triangle.glsl"
+                }
+                if (QUOTA != 0) {
+                    steps += subgroupAny(uncertain) ? 3 : 0;  // the loop in exact_distance
+                    if (steps > QUOTA) {
+                        break;
+                    }
+                }
+            }
+#include "traverse/finish.glsl"
+            if (QUOTA != 0 && steps > QUOTA) {
+                break;
+            }
+        }
+    } else {
+        while (QUOTA == 0 || steps <= QUOTA) {
+            steps++;
+            uint busy = lanes(node != NONE || leaf != NONE);
+            if (busy < FETCH_BELOW && (more || busy == 0)) {
+#include "traverse/finish.glsl"
+                if (!more) {
+                    break;
+                }
+#include "traverse/fetch.glsl"
+                continue;
+            }
+            bool inner = is_inner(node);
+            if (lanes(inner) * 32 >= lanes(leaf != NONE) * VOTE) {
+                steps += NODE_STEPS;
+                if (inner) {
+#include "traverse/visit_node.glsl"
+                }
+            } else {
+                bool uncertain = false;
+                if (leaf != NONE) {
+#include "traverse/test_triangle.glsl"
+                }
+                if (QUOTA != 0) {
+                    steps += subgroupAny(uncertain) ? 3 : 0;
+                }
+            }
+        }
+        // Where the quota has ended the loop, of rays that were done just then.
+#include "traverse/finish.glsl"
+    }
+
+    finished = subgroupAdd(finished);
+    if (subgroupElect()) {
+        atomicAdd(queue.finished, finished);
+    }
+}

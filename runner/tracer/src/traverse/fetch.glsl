@@ -1,0 +1,23 @@
+// Statements of closest_hit.glsl: lanes without a ray take the next ones of the queue.
+uvec4 idle = subgroupBallot(ray == MISS);
+uint first;
+if (subgroupElect()) {
+    first = atomicAdd(queue.next, subgroupBallotBitCount(idle));
+}
+first = subgroupBroadcastFirst(first);
+more = first < count && (QUOTA == 0 || steps < QUOTA / 2);
+uint index = first + subgroupBallotExclusiveBitCount(idle);
+if (ray == MISS && index < count) {
+    ray = index;
+    Ray r = rays.items[index];
+    origin = r.origin;
+    t_min = r.t_min;
+    slab = slab_of(r.origin, r.direction, tree.extent, PAD);
+    shear = shear_of(r.direction);
+    best = Hit(min(r.t_max, LARGEST), MISS);
+    node = 0;
+    top = 0;
+    nodes_visited = 0;
+    boxes_tested = 0;
+    triangles_tested = 0;
+}
