@@ -50,6 +50,7 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
         samples: run.samples.unwrap_or(if cpu { 3 } else { 15 }),
         warm_up: run.warm_up,
         warm_up_time: if cpu { Duration::ZERO } else { WARM_UP_TIME },
+        warm_up_view_time: if cpu { Duration::ZERO } else { WARM_UP_VIEW_TIME },
         builds: run.builds.unwrap_or(if cpu { 3 } else { 10 }),
         path: path::Params { depth: run.depth, seed: run.seed },
     };
@@ -129,8 +130,10 @@ struct Plan {
     size: Size,
     samples: u32,
     warm_up: u32,
-    /// Least time spent on warming up before builds and before each view, where warming up is wanted.
+    /// Least time spent on warming up before builds, where warming up is wanted.
     warm_up_time: Duration,
+    /// The same before each view.
+    warm_up_view_time: Duration,
     builds: u32,
     path: path::Params,
 }
@@ -147,6 +150,9 @@ fn flattened(params: &Params) -> anyhow::Result<record::Parameters> {
 /// A GPU lowers its clocks within a second of idling, while the host loads a scene or reads counters back,
 /// and takes a while to raise them again.
 const WARM_UP_TIME: Duration = Duration::from_millis(400);
+
+/// Before each view, when it has been busy within the last second.
+const WARM_UP_VIEW_TIME: Duration = Duration::from_millis(150);
 
 /// The record and the file that follows it.
 struct Writer<'a> {
@@ -302,7 +308,7 @@ impl Measuring<'_> {
         let grow = || seedling.grow(self.loaded, tracer, camera);
         let started = Instant::now();
         let mut grown = grow()?;
-        while plan.warm_up > 0 && started.elapsed() < plan.warm_up_time {
+        while plan.warm_up > 0 && started.elapsed() < plan.warm_up_view_time {
             grown = grow()?;
         }
         let mut sampling_milliseconds = Vec::new();
@@ -328,7 +334,7 @@ impl Measuring<'_> {
     ) -> anyhow::Result<Option<record::View>> {
         let plan = self.plan;
         let mut warmed = 0;
-        while warmed < plan.warm_up || (plan.warm_up > 0 && started.elapsed() < plan.warm_up_time) {
+        while warmed < plan.warm_up || (plan.warm_up > 0 && started.elapsed() < plan.warm_up_view_time) {
             kernels.sample(tracer, tree, camera, u32::MAX - warmed)?;
             warmed += 1;
         }
