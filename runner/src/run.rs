@@ -151,7 +151,7 @@ fn flattened(params: &Params) -> anyhow::Result<record::Parameters> {
 /// and takes a while to raise them again.
 const WARM_UP_TIME: Duration = Duration::from_millis(400);
 
-/// Before each view, when it has been busy within the last second.
+/// Before a view, when it has been busy within the last second.
 const WARM_UP_VIEW_TIME: Duration = Duration::from_millis(150);
 
 /// The record and the file that follows it.
@@ -280,7 +280,10 @@ impl Measuring<'_> {
                 Some(kernels) if tree.stack <= kernels.stack() => kernels,
                 kernels => kernels.insert(Kernels::new(self.session, &tree, self.params)?),
             };
-            let measured = self.view(view, started, &tracer, kernels, &tree, &camera)?;
+            // Compiling the kernels has left it idle before the first.
+            let least = if done == 0 { plan.warm_up_time } else { plan.warm_up_view_time };
+            let started = if done == 0 { Instant::now() } else { started };
+            let measured = self.view(view, (started, least), &tracer, kernels, &tree, &camera)?;
             let point = writer.record.results.last_mut().expect("pushed above");
             point.kernels = kernels.recorded();
             if let Some(measured) = measured {
@@ -322,11 +325,12 @@ impl Measuring<'_> {
         Ok((grown.tree, Adaptation { sampling_milliseconds, build: Build { repetitions }, tree }))
     }
 
-    /// `None` when the user interrupted it. The device has been busy since `started`.
+    /// `None` when the user interrupted it. The device has been busy since `started`, and is to be for at
+    /// `least` so long before it is measured.
     fn view(
         &self,
         view: &View,
-        started: Instant,
+        (started, least): (Instant, Duration),
         tracer: &PathTracer<'_>,
         kernels: &Kernels,
         tree: &Tree,
@@ -334,7 +338,7 @@ impl Measuring<'_> {
     ) -> anyhow::Result<Option<record::View>> {
         let plan = self.plan;
         let mut warmed = 0;
-        while warmed < plan.warm_up || (plan.warm_up > 0 && started.elapsed() < plan.warm_up_view_time) {
+        while warmed < plan.warm_up || (plan.warm_up > 0 && started.elapsed() < least) {
             kernels.sample(tracer, tree, camera, u32::MAX - warmed)?;
             warmed += 1;
         }

@@ -11,7 +11,8 @@ pub fn summary(record: &Record) -> String {
     let mut header = vec!["scene", "variant", "build ms", "pMRps", "sMRps", "nodes", "boxes", "tris", "SAH"];
     header.extend(["MiB", "B/ray"]);
     if many {
-        // Beside the rates and the nodes, what they are of Binary's.
+        // Beside the rates and the nodes, what they are of Binary's, for which the expected cost makes room.
+        header.remove(8);
         header.insert(6, "×");
         header.insert(5, "×");
         header.insert(4, "×");
@@ -47,6 +48,7 @@ pub fn summary(record: &Record) -> String {
         ];
         if many {
             let dash = || "–".to_owned();
+            row.remove(8);
             row.insert(6, share(nodes).unwrap_or_else(dash));
             row.insert(5, share(Point::secondary_mrps).unwrap_or_else(dash));
             row.insert(4, share(Point::primary_mrps).unwrap_or_else(dash));
@@ -95,14 +97,15 @@ pub fn summary(record: &Record) -> String {
         text,
         "\n\npMRps, sMRps: million primary and secondary rays a second by the traversal kernel's time alone; mean of\n\
          {} a view. nodes, boxes, tris: inner nodes visited, boxes and triangles tested a ray, over\n\
-         all rays of a path; ×: relative to Binary. SAH: the tree's cost by the surface area heuristic. MiB: its\n\
-         nodes and triangles. B/ray: bytes of nodes and triangles a ray asks for. build ms: median, from\n\
-         triangles in device memory to nodes that can be traversed; by view: tracing sample rays + both builds.\n\
+         all rays of a path; {}. MiB: nodes and triangles.\n\
+         B/ray: bytes of nodes and triangles a ray asks for. build ms: median, from triangles in device memory to\n\
+         nodes that can be traversed; by view: tracing sample rays + both builds.\n\
          {} × {} pixels, at most {} rays a path, on {}. Triangles: {}.",
         match record.run.samples {
             1 => "one sample".to_owned(),
             n => format!("{n} samples"),
         },
+        if many { "×: relative to Binary" } else { "SAH: the tree's cost by the surface area heuristic" },
         record.run.width,
         record.run.height,
         record.run.depth,
