@@ -485,11 +485,9 @@ impl Widen {
                 return Ok(progress);
             }
             // A single launch goes on until the tree is complete. It must not be tried again and again.
-            assert!(
-                self.form() == Form::Levels,
-                "the driver of {} ended a contraction before it was complete; use the form `levels`",
-                self.gpu.info().name
-            );
+            if self.form() != Form::Levels {
+                return Err(Error::EndedEarly { device: self.gpu.info().name.clone() });
+            }
             let mut pass = Pass::new(&self.gpu)?;
             pass.time_dispatches(false);
             pass.scope("build", |pass| self.record(pass, from, to, input, source, false));

@@ -21,6 +21,15 @@ pub enum Error {
         /// Index and name of each device.
         there: String,
     },
+    /// A contraction in a single launch was ended before its tree was complete.
+    #[error(
+        "the driver of {device} ended a contraction before its tree was complete: it ends long loops, or does \
+         not let workgroups wait for each other; use contract.form=levels"
+    )]
+    EndedEarly {
+        /// The device's name.
+        device: String,
+    },
     /// The device cannot run these kernels.
     #[error(
         "{device} lacks {missing}, which every kernel here needs; choose another with --device, or update its driver"
