@@ -10,7 +10,7 @@ pub fn example() -> Record {
     parameters.set("collapse.max_leaf", 16u32);
     parameters.set("morton.bits", 10u32);
     parameters.set("ploc.radius", 8u32);
-    parameters.set("trace.fetch_below", 0.625);
+    parameters.set("trace.primary_fetch_below", 0.625);
     parameters.set("trace.postpone_below", 0.25);
     parameters.set("trace.primary_subgroups", 8u32);
     parameters.set("trace.secondary_subgroups", 8u32);

@@ -9,7 +9,7 @@
 // Where we leave the paper: nodes are taken from a counter instead of by invocation index, and the loop is
 // uniform in the subgroup, so nobody depends on the order in which workgroups start or on lanes that wait
 // apart. What is left to be guaranteed is that a workgroup that has started goes on while another one
-// waits; see `Gpu::hands_work_over`.
+// waits; see `DeviceInfo::hands_work_over`.
 
 void main() {
     uint index = NONE;
