@@ -9,11 +9,11 @@
 //! iterations the clustering takes, and how large each is, only the GPU knows.
 
 use crate::{
-    bvh2::{Bvh2, Bvh2Buffers, MAX_LEVELS, MAX_TRIANGLES},
+    bvh2::{Bvh2, Bvh2Buffers, LevelsHeader, MAX_LEVELS, MAX_TRIANGLES},
     collapse::{Collapse, CollapseParams, Subtree},
     contract::{self, Contract, ContractParams, Form, Progress, VisitCounter, Visits, WideBuffers, WideBvh},
     gpu::{Buffer, Error, Gpu, Pass, Timings},
-    layout::{Encode, Layout, LayoutParams, LeafTriangle, NodeLayout},
+    layout::{self, Encode, Layout, LayoutParams, LeafTriangle, NodeLayout},
     morton::{BOUNDS_BYTES, Morton, MortonParams, SceneBounds},
     ploc::{Ploc, PlocBuffers, PlocParams},
     sort::{Sort, SortBuffers},
@@ -191,6 +191,19 @@ pub struct BuildReport {
     pub timings: Timings,
 }
 
+impl Summary {
+    fn of(progress: &Progress, header: &LevelsHeader) -> Self {
+        Self {
+            nodes: progress.nodes,
+            depth: progress.depth,
+            stack: progress.stack,
+            levels: header.count,
+            large_levels: header.tail,
+            iterations: header.iterations,
+        }
+    }
+}
+
 impl Builder {
     /// Compiles the kernels.
     ///
@@ -300,14 +313,7 @@ impl Builder {
                 let (iterations, tail) = (header.iterations, header.tail);
                 workspace.last.set(Some((count, Dispatches { iterations, levels: tail })));
                 return Ok(BuildReport {
-                    summary: Summary {
-                        nodes: progress.nodes,
-                        depth: progress.depth,
-                        stack: progress.stack,
-                        levels: header.count,
-                        large_levels: tail,
-                        iterations,
-                    },
+                    summary: Summary::of(&progress, &header),
                     recorded: recorded.iterations,
                     milliseconds: BuildMilliseconds::of(&timings),
                     timings,
@@ -426,14 +432,7 @@ impl Widen {
         let progress = self.finish(from, to, input, source, &mut timings)?;
         let header = from.tree.header()?;
         Ok(BuildReport {
-            summary: Summary {
-                nodes: progress.nodes,
-                depth: progress.depth,
-                stack: progress.stack,
-                levels: header.count,
-                large_levels: header.tail,
-                iterations: header.iterations,
-            },
+            summary: Summary::of(&progress, &header),
             recorded: 0,
             milliseconds: BuildMilliseconds::of(&timings),
             timings,
@@ -465,7 +464,8 @@ impl Widen {
         });
         pass.scope("layout", |pass| {
             let Input { triangles, count } = input;
-            self.encode.record(pass, &from.tree, &to.wide, triangles, count, &to.nodes, &to.triangles);
+            let made = layout::Input { tree: &from.tree, wide: &to.wide, triangles, count };
+            self.encode.record(pass, &made, &to.nodes, &to.triangles);
         });
     }
 

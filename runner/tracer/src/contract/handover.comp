@@ -13,7 +13,6 @@
 
 void main() {
     uint index = NONE;
-    uint ready_before = 0;
     for (;;) {
         bool idle = index == NONE;
         uvec4 wanting = subgroupBallot(idle);
@@ -31,15 +30,7 @@ void main() {
         uint from = index < capacity ? tasks.v[index] : NONE;
         bool ready = from != NONE;
         uint now = subgroupBallotBitCount(subgroupBallot(ready));
-        // Nodes that follow each other are told what they are made of at about the same time: while ever more
-        // lanes are ready, a look at the others costs less than another round for them.
-        bool settled = now == gl_SubgroupSize || now == ready_before;
-        ready_before = now;
-        if (now > 0 && !settled) {
-            continue;
-        }
         if (now > 0) {
-            ready_before = 0;
             memoryBarrierBuffer();
             contract(ready, index, from);
             // Only now may these count as finished: their children have places.

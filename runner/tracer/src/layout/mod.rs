@@ -251,19 +251,10 @@ impl Encode {
         self.stride
     }
 
-    /// Writes the nodes to `nodes_out`, which has room for `wide.capacity()` of them, and `leaves`
-    /// triangles in the order of their leaves to `leaf_triangles`.
-    #[allow(clippy::too_many_arguments, reason = "two inputs and two outputs, each of two parts")]
-    pub fn record(
-        &self,
-        pass: &mut Pass,
-        tree: &Bvh2Buffers,
-        wide: &WideBuffers,
-        triangles: &Buffer,
-        leaves: usize,
-        nodes_out: &Buffer,
-        leaf_triangles: &Buffer,
-    ) {
+    /// Writes the nodes to `nodes_out`, which has room for `wide.capacity()` of them, and the triangles in the
+    /// order of their leaves to `leaf_triangles`.
+    pub fn record(&self, pass: &mut Pass, input: &Input<'_>, nodes_out: &Buffer, leaf_triangles: &Buffer) {
+        let Input { tree, wide, triangles, count } = *input;
         // Most of these workgroups find nothing to do, which costs less than another indirect dispatch.
         let groups = groups(wide.capacity(), WORKGROUP).min(MOST_GROUPS);
         let push = EncodePush {
@@ -279,11 +270,24 @@ impl Encode {
             progress: wide.progress.address(),
             triangles: triangles.address(),
             leaf_triangles: leaf_triangles.address(),
-            leaves: u32::try_from(leaves).expect("at most MAX_TRIANGLES"),
+            leaves: u32::try_from(count).expect("at most MAX_TRIANGLES"),
             arity: self.layout.arity() as u32,
         };
         pass.dispatch("triangles", &self.triangles, &push, groups);
     }
+}
+
+/// What is stored.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a> {
+    /// The binary tree, which has the boxes.
+    pub tree: &'a Bvh2Buffers,
+    /// Which of them share a node.
+    pub wide: &'a WideBuffers,
+    /// Nine floats a triangle, in file order.
+    pub triangles: &'a Buffer,
+    /// How many triangles.
+    pub count: usize,
 }
 
 /// Workgroups that every device can launch; the kernels go on from there by themselves.
