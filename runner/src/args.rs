@@ -317,7 +317,7 @@ pub struct Validate {
     /// Seed of all random numbers
     #[arg(long, default_value_t = 0)]
     pub seed: u32,
-    /// Tests of rays with triangles, in millions, that brute force may take for each variant
+    /// Tests of rays with triangles, in millions, that brute force may take for each set of rays
     #[arg(long, value_name = "MILLIONS", default_value_t = 1000)]
     pub brute_force: u64,
     #[command(flatten)]

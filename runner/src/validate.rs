@@ -33,9 +33,10 @@ pub fn validate(global: &Global, arguments: &args::Validate) -> anyhow::Result<(
     let session = Session::open(global)?;
     let loaded = session.load(&arguments.scene)?;
     let mut failures = 0;
+    let mut oracle = Oracle::default();
     for (&variant, params) in variants.iter().zip(&params) {
         let mut checks = Checks { variant, failures: 0, held: Vec::new() };
-        let done = check(&session, &loaded, variant, params, arguments, &mut checks)
+        let done = check(&session, &loaded, variant, params, arguments, &mut oracle, &mut checks)
             .with_context(|| format!("{variant} could not be checked to the end"));
         checks.print()?;
         done?;
@@ -82,7 +83,7 @@ impl Checks {
 
     fn print(&self) -> anyhow::Result<()> {
         for (what, times, last) in &self.held {
-            let several = if *times > 1 { format!(" ({times} trees, this the last)") } else { String::new() };
+            let several = if *times > 1 { format!(" ({times} times, this the last)") } else { String::new() };
             print(&format!("ok      {}: {what}: {last}{several}", self.variant))?;
         }
         Ok(())
@@ -99,6 +100,7 @@ fn check(
     variant: Variant,
     params: &Params,
     arguments: &args::Validate,
+    oracle: &mut Oracle,
     checks: &mut Checks,
 ) -> anyhow::Result<()> {
     let gpu = &session.gpu;
@@ -156,6 +158,8 @@ fn check(
             true
         })?;
     }
+
+    oracle.ask(triangles, &rays, arguments.brute_force);
 
     let contracted = params.build(variant).contract;
     let widen = Widen::new(gpu, &params.build(variant), variant.layout)?;
@@ -228,18 +232,26 @@ fn check(
 
         let own = wide.tree(&summary, extent);
         let traversal = session.traversal(&own, params, Counting::Nothing)?;
-        let found = trace(session, &traversal, &own, &rays)?;
-        checks.report("hits", of_view, same_hits(triangles, &rays, &hits, &found, extent))?;
-        let part = oracle(&rays, count, arguments.brute_force);
-        checks.report("brute force", of_view, brute(triangles, &rays, &found, extent, part))?;
+        // Each kind of wavefront has a kernel of its own, and both have to find the hits of all rays.
+        for wave in [Wave::Primary, Wave::Secondary] {
+            let found = trace(session, &traversal, wave, &own, &rays)?;
+            checks.report("hits", of_view, same_hits(triangles, &rays, &hits, &found, extent))?;
+            checks.report("brute force", of_view, oracle.agrees(triangles, &rays, &found, extent))?;
+        }
     }
     Ok(())
 }
 
-fn trace(session: &Session, traversal: &Traversal, tree: &Tree, rays: &[Ray]) -> anyhow::Result<Vec<Hit>> {
+fn trace(
+    session: &Session,
+    traversal: &Traversal,
+    wave: Wave,
+    tree: &Tree,
+    rays: &[Ray],
+) -> anyhow::Result<Vec<Hit>> {
     let memory = TraceMemory::new(&session.gpu, rays)?;
     let mut pass = Pass::new(&session.gpu)?;
-    traversal.record(&mut pass, "trace", Wave::Secondary, tree, &memory.buffers(), rays.len());
+    traversal.record(&mut pass, "trace", wave, tree, &memory.buffers(), rays.len());
     pass.submit()?;
     traversal.check(0, &memory.queue()?)?;
     memory.hits()
@@ -275,7 +287,7 @@ fn same_hits(
     let wrong: Vec<usize> = (0..rays.len()).into_par_iter().filter(differs).collect();
     match wrong.first() {
         None => Ok(format!(
-            "{} primary rays and bounces of all views at the distances of Binary",
+            "{} primary rays and bounces of all views at the distances of Binary, by the kernels for both",
             thousands(rays.len() as u64)
         )),
         Some(&i) => Err(format!(
@@ -289,36 +301,53 @@ fn same_hits(
     }
 }
 
-/// Which rays are traced by brute force: every so-many-th, so that tests stay below `millions`.
-fn oracle(rays: &[Ray], triangles: usize, millions: u64) -> usize {
-    let affordable = (millions * 1_000_000 / triangles as u64).max(1);
-    (rays.len() as u64).div_ceil(affordable).max(1) as usize
+/// Hits found by testing every triangle, for some of the rays. They depend on no tree, so one answer serves all
+/// trees and variants that are asked about the same rays.
+#[derive(Default)]
+struct Oracle {
+    /// The rays that were asked about.
+    rays: Vec<Ray>,
+    /// Every so-many-th of them, and what it hits.
+    hits: Vec<(usize, Hit)>,
 }
 
-fn brute(
-    triangles: &[Triangle],
-    rays: &[Ray],
-    found: &[Hit],
-    extent: f32,
-    step: usize,
-) -> Result<String, String> {
-    let chosen: Vec<usize> = (0..rays.len()).step_by(step).collect();
-    let wrong: Vec<(usize, Hit)> = chosen
-        .par_iter()
-        .filter_map(|&i| {
-            let hit = cpu::brute_force(triangles, &rays[i]);
-            let of = |hit: &Hit| distance(triangles, &rays[i], hit);
-            (!agree(of(&hit), of(&found[i]), &rays[i], extent)).then_some((i, hit))
-        })
-        .collect();
-    match wrong.first() {
-        None => Ok(format!("{} rays against all triangles", thousands(chosen.len() as u64))),
-        Some((i, hit)) => Err(format!(
-            "{} of {} rays differ from brute force, the first {:?}: {:?}, not {hit:?}",
-            wrong.len(),
-            chosen.len(),
-            rays[*i],
-            found[*i]
-        )),
+impl Oracle {
+    /// Traces every so-many-th of `rays`, so that tests of rays with triangles stay below `millions`.
+    fn ask(&mut self, triangles: &[Triangle], rays: &[Ray], millions: u64) {
+        if bytemuck::cast_slice::<_, u8>(&self.rays) == bytemuck::cast_slice::<_, u8>(rays) {
+            return;
+        }
+        let affordable = (millions * 1_000_000 / triangles.len() as u64).max(1);
+        let step = (rays.len() as u64).div_ceil(affordable).max(1) as usize;
+        let chosen: Vec<usize> = (0..rays.len()).step_by(step).collect();
+        self.hits = chosen.par_iter().map(|&i| (i, cpu::brute_force(triangles, &rays[i]))).collect();
+        self.rays = rays.to_vec();
+    }
+
+    fn agrees(
+        &self,
+        triangles: &[Triangle],
+        rays: &[Ray],
+        found: &[Hit],
+        extent: f32,
+    ) -> Result<String, String> {
+        let wrong: Vec<&(usize, Hit)> = self
+            .hits
+            .iter()
+            .filter(|(i, hit)| {
+                let of = |hit: &Hit| distance(triangles, &rays[*i], hit);
+                !agree(of(hit), of(&found[*i]), &rays[*i], extent)
+            })
+            .collect();
+        match wrong.first() {
+            None => Ok(format!("{} rays against all triangles", thousands(self.hits.len() as u64))),
+            Some((i, hit)) => Err(format!(
+                "{} of {} rays differ from brute force, the first {:?}: {:?}, not {hit:?}",
+                wrong.len(),
+                self.hits.len(),
+                rays[*i],
+                found[*i]
+            )),
+        }
     }
 }
