@@ -3,7 +3,9 @@
 //! samples and views the rates are averaged, each sample and each view counting alike, as the thesis
 //! does (Cezner 2025, section 6.2).
 
+use crate::stats::{Estimate, median};
 use crate::{Adaptation, Build, Count, Counters, Launch, Phase, Point, Repetition, Sample, Tree, View};
+use std::fmt;
 use std::iter::Sum;
 use std::ops::Add;
 
@@ -27,39 +29,69 @@ impl Launch {
     }
 }
 
+/// Which rays a rate is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Rays {
+    /// Those from the camera.
+    Primary,
+    /// Those of all bounces.
+    Secondary,
+    /// Those of whole paths.
+    All,
+}
+
+impl fmt::Display for Rays {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.pad(match self {
+            Rays::Primary => "primary",
+            Rays::Secondary => "secondary",
+            Rays::All => "all",
+        })
+    }
+}
+
 impl Sample {
     /// Million rays per second of one wavefront; depth 0 is the primary rays.
     pub fn mrps(&self, depth: usize) -> Option<f64> {
         self.depths.get(depth)?.mrps()
     }
 
-    /// Million primary rays per second.
-    pub fn primary_mrps(&self) -> Option<f64> {
-        self.mrps(0)
-    }
-
-    /// Million secondary rays per second: the rays of all bounces over their summed time.
-    pub fn secondary_mrps(&self) -> Option<f64> {
-        mrps(self.depths.get(1..)?)
+    /// Million rays per second: rays over the summed time of their wavefronts.
+    pub fn rate(&self, rays: Rays) -> Option<f64> {
+        match rays {
+            Rays::Primary => self.mrps(0),
+            Rays::Secondary => mrps(self.depths.get(1..)?),
+            Rays::All => mrps(&self.depths),
+        }
     }
 }
 
 impl View {
-    /// Million rays per second of one wavefront, averaged over the samples.
+    /// The samples that count.
+    pub fn counted(&self) -> impl Iterator<Item = &Sample> {
+        self.samples.iter().filter(|sample| sample.excluded.is_none())
+    }
+
+    /// Million rays per second of one wavefront, averaged over the samples that count.
     ///
     /// A sample whose paths had all ended before that depth has no rate there and is left out.
     pub fn mrps(&self, depth: usize) -> Option<f64> {
-        mean(self.samples.iter().map(|sample| sample.mrps(depth)).filter(Option::is_some))
+        mean(self.counted().map(|sample| sample.mrps(depth)).filter(Option::is_some))
     }
 
-    /// Million primary rays per second, averaged over the samples.
-    pub fn primary_mrps(&self) -> Option<f64> {
-        mean(self.samples.iter().map(Sample::primary_mrps))
+    /// The rates of the samples that count and have such rays.
+    pub fn rates(&self, rays: Rays) -> Vec<f64> {
+        self.counted().filter_map(|sample| sample.rate(rays)).collect()
     }
 
-    /// Million secondary rays per second, averaged over the samples.
-    pub fn secondary_mrps(&self) -> Option<f64> {
-        mean(self.samples.iter().map(Sample::secondary_mrps).filter(Option::is_some))
+    /// Million rays per second, averaged over the samples that count and have such rays.
+    pub fn rate(&self, rays: Rays) -> Option<f64> {
+        mean(self.rates(rays).into_iter().map(Some))
+    }
+
+    /// Whether no sample counts, or the paths of one go on to such rays.
+    fn concerns(&self, rays: Rays) -> bool {
+        self.counted().next().is_none() || !self.rates(rays).is_empty()
     }
 
     /// Whether the device was being slowed down before or after the view; unknown where it did not
@@ -79,14 +111,29 @@ impl Point {
         mean(self.views.iter().map(|view| view.mrps(depth)).filter(Option::is_some))
     }
 
-    /// Million primary rays per second, averaged over the views.
-    pub fn primary_mrps(&self) -> Option<f64> {
-        mean(self.views.iter().map(View::primary_mrps))
+    /// Million rays per second, averaged over the views that had such rays; nothing where a view has no sample
+    /// that counts.
+    pub fn rate(&self, rays: Rays) -> Option<f64> {
+        mean(self.views.iter().filter(|view| view.concerns(rays)).map(|view| view.rate(rays)))
     }
 
-    /// Million secondary rays per second, averaged over the views that had any.
+    /// The same with how sure it is. Views are chosen, not drawn, so only the scatter of samples within a view
+    /// counts. Nothing where a view has fewer than two samples that count.
+    pub fn estimate(&self, rays: Rays) -> Option<Estimate> {
+        let views = self.views.iter().filter(|view| view.concerns(rays));
+        let means: Vec<Estimate> =
+            views.map(|view| Estimate::of(&view.rates(rays))).collect::<Option<_>>()?;
+        Estimate::average(&means)
+    }
+
+    /// Million primary rays per second.
+    pub fn primary_mrps(&self) -> Option<f64> {
+        self.rate(Rays::Primary)
+    }
+
+    /// Million secondary rays per second.
     pub fn secondary_mrps(&self) -> Option<f64> {
-        mean(self.views.iter().map(View::secondary_mrps).filter(Option::is_some))
+        self.rate(Rays::Secondary)
     }
 
     /// The counters of all views together; nothing when one of them was not counted.
@@ -129,18 +176,6 @@ impl Point {
 
     fn adaptations(&self) -> impl Iterator<Item = &Adaptation> {
         self.views.iter().filter_map(|view| view.adaptation.as_ref())
-    }
-}
-
-/// The value in the middle, which one outlier does not move; nothing of nothing.
-fn median(values: &[f64]) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let middle = sorted.len() / 2;
-    match sorted.len() {
-        0 => None,
-        count if count % 2 == 1 => Some(sorted[middle]),
-        _ => Some((sorted[middle - 1] + sorted[middle]) / 2.0),
     }
 }
 
@@ -237,31 +272,33 @@ impl<'a> Sum<&'a Count> for Count {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::example;
+    use crate::{Timestamp, example};
+    use std::time::{Duration, UNIX_EPOCH};
 
     fn sample(launches: &[(u64, f64)]) -> Sample {
         Sample {
             depths: launches.iter().map(|&(rays, milliseconds)| Launch { rays, milliseconds }).collect(),
+            ..Sample::default()
         }
     }
 
     #[test]
     fn rates_are_rays_over_the_time_of_the_traversal() {
         let sample = sample(&[(2_000_000, 1.0), (1_000_000, 2.0), (500_000, 3.0)]);
-        assert_eq!(sample.primary_mrps(), Some(2000.0));
+        assert_eq!(sample.rate(Rays::Primary), Some(2000.0));
         // 1.5 million rays in 5 ms; the mean of the two rates, 333.3, would be wrong.
-        assert_eq!(sample.secondary_mrps(), Some(300.0));
+        assert_eq!(sample.rate(Rays::Secondary), Some(300.0));
         assert_eq!(sample.mrps(1), Some(500.0));
         assert_eq!(sample.mrps(3), None);
     }
 
     #[test]
     fn without_rays_there_is_no_rate() {
-        assert_eq!(sample(&[]).primary_mrps(), None);
-        assert_eq!(sample(&[]).secondary_mrps(), None);
-        assert_eq!(sample(&[(10, 1.0)]).secondary_mrps(), None);
-        assert_eq!(sample(&[(10, 1.0), (0, 0.0)]).secondary_mrps(), None);
-        assert_eq!(sample(&[(10, 0.0)]).primary_mrps(), None);
+        assert_eq!(sample(&[]).rate(Rays::Primary), None);
+        assert_eq!(sample(&[]).rate(Rays::Secondary), None);
+        assert_eq!(sample(&[(10, 1.0)]).rate(Rays::Secondary), None);
+        assert_eq!(sample(&[(10, 1.0), (0, 0.0)]).rate(Rays::Secondary), None);
+        assert_eq!(sample(&[(10, 0.0)]).rate(Rays::Primary), None);
     }
 
     #[test]
@@ -272,13 +309,61 @@ mod tests {
             vec![sample(&[(1_000_000, 1.0), (1_000_000, 2.0)]), sample(&[(1_000_000, 2.0), (0, 0.0)])];
         let mut two = one.clone();
         two.samples = vec![sample(&[(1_000_000, 4.0), (1_000_000, 10.0)])];
-        assert_eq!(one.primary_mrps(), Some(750.0));
-        assert_eq!(one.secondary_mrps(), Some(500.0));
+        assert_eq!(one.rate(Rays::Primary), Some(750.0));
+        assert_eq!(one.rate(Rays::Secondary), Some(500.0));
         assert_eq!(one.mrps(1), Some(500.0));
         point.views = vec![one, two];
         assert_eq!(point.primary_mrps(), Some(500.0));
         assert_eq!(point.secondary_mrps(), Some(300.0));
         assert_eq!(point.mrps(1), Some(300.0));
+    }
+
+    #[test]
+    fn what_is_excluded_does_not_count() {
+        let mut point = example().results[0].clone();
+        let launch = |milliseconds| sample(&[(1_000_000, milliseconds), (1_000_000, 2.0 * milliseconds)]);
+        let cold = Sample { excluded: Some(crate::Exclusion::WarmUp), ..launch(9.0) };
+        let mut view = point.views[0].clone();
+        view.samples = vec![cold.clone(), launch(1.0), launch(1.25)];
+        point.views = vec![view.clone(), view.clone()];
+        assert_eq!(point.rate(Rays::Primary), Some(900.0));
+        assert_eq!(point.rate(Rays::Secondary), Some(450.0));
+        assert_eq!(view.rate(Rays::All), Some((2e6 / 3.0 + 2e6 / 3.75) / 2.0 / 1e3));
+        let estimate = point.estimate(Rays::Primary).unwrap();
+        assert_eq!(estimate.mean, 900.0);
+        // Each view scatters by 100 around its mean: variance 20000 / 2 samples, / 2 views.
+        assert!((estimate.variance - 5000.0).abs() < 1e-6, "{estimate:?}");
+        point.views[1].samples.truncate(1);
+        assert_eq!(point.rate(Rays::Secondary), None, "a view without a sample is not passed over");
+        assert_eq!(point.estimate(Rays::Primary), None);
+    }
+
+    #[test]
+    fn a_drift_of_the_reference_point_shows() {
+        let mut record = example();
+        let point = record.results[0].clone();
+        let at = |seconds: u64, rate: f64| {
+            let mut point = point.clone();
+            point.views[0].samples = vec![sample(&[(1_000_000, 1e3 / rate), (1_000_000, 2e3 / rate)])];
+            let time = Timestamp::from(UNIX_EPOCH + Duration::from_secs(seconds));
+            point.measurement = Some(crate::Measurement {
+                part: 0,
+                position: seconds,
+                started: time,
+                finished: time,
+                stopped: crate::Stop::Precise,
+                unreliable: false,
+            });
+            point
+        };
+        // Measured in this order of time, whatever their order in the record.
+        record.references = vec![at(50, 95.0), at(10, 100.0), at(40, 96.0), at(20, 99.0), at(30, 98.0)];
+        let drifts = record.drifts();
+        assert_eq!(drifts.len(), 2);
+        assert_eq!(drifts[0].correlation.coefficient, -1.0);
+        assert!(drifts[0].significant() && (drifts[0].change - 0.95).abs() < 1e-9, "{drifts:?}");
+        record.references.truncate(3);
+        assert_eq!(record.drifts(), []);
     }
 
     #[test]

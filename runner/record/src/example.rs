@@ -15,6 +15,7 @@ pub fn example() -> Record {
     parameters.set("trace.primary_subgroups", 8u32);
     parameters.set("trace.secondary_subgroups", 8u32);
     parameters.set("trace.stack", 64u32);
+    let command_line = ["runner", "sweep", "costs.toml", "--shard", "1/1", "-o", "out"].map(String::from);
     Record {
         schema: SCHEMA,
         tool: Tool {
@@ -22,22 +23,54 @@ pub fn example() -> Record {
             version: "0.1.0".into(),
             commit: Some(Commit { hash: "0123456789abcdef0123456789abcdef01234567".into(), dirty: false }),
         },
-        command_line: ["runner", "run", "sponza", "cornell", "-o", "record.json"].map(String::from).to_vec(),
+        command_line: command_line.to_vec(),
         started: at(0),
         finished: Some(at(42)),
-        host: Host {
-            name: Some("bench".into()),
-            os: "Debian GNU/Linux 12 (bookworm)".into(),
-            kernel: "Linux 6.1.0".into(),
-            cpu: "Example CPU @ 4.5 GHz".into(),
-            cores: 6,
-            memory_bytes: 32 << 30,
-        },
+        host: host(),
         device: device(),
         shaders: [("traverse/binary".to_string(), "5f".repeat(32))].into(),
-        run: Run { width: 640, height: 360, samples: 2, warm_up: 1, depth: 3, seed: 1 },
+        run: Run {
+            width: 640,
+            height: 360,
+            samples: 30,
+            warm_up: 1,
+            depth: 3,
+            seed: 1,
+            stopping: Some(Stopping { least: 2, most: 30, half_width: 0.01, seconds: 60.0 }),
+            clock: Some(Clock { kind: ClockKind::Locked, mhz: 2835, least_share: 0.95 }),
+        },
+        sweep: Some(Sweep {
+            title: "Traversal cost".into(),
+            axes: vec!["collapse.c_t".into()],
+            config: serde_json::json!({ "title": "Traversal cost" }),
+            order_seed: 1,
+            points: 2,
+            shard: Some("1/1".into()),
+        }),
+        parts: vec![Part {
+            host: host(),
+            device: "Example GPU 4070".into(),
+            device_uuid: "00112233-4455-6677-8899-aabbccddeeff".into(),
+            driver: "570.124.0".into(),
+            command_line: command_line.to_vec(),
+            started: at(0),
+            finished: at(42),
+            shard: Some("1/1".into()),
+        }],
         parameters,
+        references: vec![measured(at(20), at(21))],
         results: vec![measured(at(30), at(31)), generated()],
+    }
+}
+
+fn host() -> Host {
+    Host {
+        name: Some("bench".into()),
+        os: "Debian GNU/Linux 12 (bookworm)".into(),
+        kernel: "Linux 6.1.0".into(),
+        cpu: "Example CPU @ 4.5 GHz".into(),
+        cores: 6,
+        memory_bytes: 32 << 30,
     }
 }
 
@@ -70,7 +103,10 @@ fn device() -> Device {
 }
 
 fn launches<const N: usize>(launches: [(u64, f64); N]) -> Sample {
-    Sample { depths: launches.map(|(rays, milliseconds)| Launch { rays, milliseconds }).to_vec() }
+    Sample {
+        depths: launches.map(|(rays, milliseconds)| Launch { rays, milliseconds }).to_vec(),
+        ..Sample::default()
+    }
 }
 
 fn repetition<const N: usize>(milliseconds: f64, phases: [(&str, f64); N]) -> Repetition {
@@ -157,6 +193,11 @@ fn measured(before: Timestamp, after: Timestamp) -> Point {
             name: "atrium".into(),
             adaptation: None,
             samples: vec![
+                Sample {
+                    sm_clock_mhz: Some(2610),
+                    excluded: Some(Exclusion::LowClock),
+                    ..launches([(230_400, 0.139), (229_865, 0.838), (228_911, 0.981)])
+                },
                 launches([(230_400, 0.128), (229_870, 0.771), (228_910, 0.903)]),
                 launches([(230_400, 0.127), (229_881, 0.769), (228_904, 0.899)]),
             ],
@@ -169,6 +210,14 @@ fn measured(before: Timestamp, after: Timestamp) -> Point {
             after: reading(after, 58, 204.75),
             pictures: vec!["sponza-atrium.png".into()],
         }],
+        measurement: Some(Measurement {
+            part: 0,
+            position: 7,
+            started: before,
+            finished: after,
+            stopped: Stop::Precise,
+            unreliable: false,
+        }),
     }
 }
 
@@ -225,5 +274,6 @@ fn generated() -> Point {
             after: unasked,
             pictures: Vec::new(),
         }],
+        measurement: None,
     }
 }

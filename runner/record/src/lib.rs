@@ -26,11 +26,13 @@ mod host;
 mod kernel;
 mod parameters;
 mod point;
+pub mod stats;
+mod sweep;
 mod telemetry;
 mod timestamp;
 mod validate;
 
-pub use derived::{PerRay, mean};
+pub use derived::{PerRay, Rays, mean};
 pub use device::{Device, DeviceKind, Driver, Heap, Limits};
 pub use example::example;
 pub use file::Error;
@@ -38,8 +40,10 @@ pub use host::{Commit, Host, Tool};
 pub use kernel::{Kernel, OccupancyLimit};
 pub use parameters::{Parameters, Value};
 pub use point::{
-    Adaptation, Build, Count, Counters, Launch, Phase, Point, Repetition, Sample, Scene, Source, Tree, View,
+    Adaptation, Build, Count, Counters, Exclusion, Launch, Measurement, Phase, Point, Repetition, Sample,
+    Scene, Source, Stop, Tree, View,
 };
+pub use sweep::{Drift, Part, Sweep};
 pub use telemetry::{Reading, Telemetry, ThrottleReason};
 pub use timestamp::Timestamp;
 pub use validate::{Fault, Problem};
@@ -73,10 +77,20 @@ pub struct Record {
     pub shaders: BTreeMap<String, String>,
     /// What every point of the run has in common.
     pub run: Run,
+    /// The experiment, where the run was a sweep.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sweep: Option<Sweep>,
+    /// The processes that measured, where there were several: `host`, `device` and `command_line` above are then
+    /// the first one's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<Part>,
     /// Parameters of all stages, as `stage.name`; a [`Point`] overrides those in which it differs.
     pub parameters: Parameters,
     /// One entry per scene, variant and set of parameters, in the order measured.
     pub results: Vec<Point>,
+    /// One point of a sweep, measured again and again between the others, to see whether the device drifted.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub references: Vec<Point>,
 }
 
 /// Settings of a whole run.
@@ -86,7 +100,7 @@ pub struct Run {
     pub width: u32,
     /// Height of the picture in pixels.
     pub height: u32,
-    /// Measured path samples per pixel and view.
+    /// Measured path samples per pixel and view; where `stopping` decides, the most there can be.
     pub samples: u32,
     /// Samples traced before the measured ones, and thrown away.
     pub warm_up: u32,
@@ -94,6 +108,46 @@ pub struct Run {
     pub depth: u32,
     /// Seed of the random numbers.
     pub seed: u64,
+    /// When measuring a point ended; absent where each view has `samples`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stopping: Option<Stopping>,
+    /// What a sample's clock was held against; absent where no clock could be read, or none is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Clock>,
+}
+
+/// Samples of a point go on until its rates are known well enough.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Stopping {
+    /// Fewest samples of a view that count.
+    pub least: u32,
+    /// Most samples of a view.
+    pub most: u32,
+    /// Half the width of the 95% confidence interval of both rates, as a share of the mean, that is enough.
+    pub half_width: f64,
+    /// Seconds after which a point gets no more samples than the fewest.
+    pub seconds: f64,
+}
+
+/// The clock below which samples do not count.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Clock {
+    /// What sort of clock it is.
+    pub kind: ClockKind,
+    /// Clock of the streaming multiprocessors in MHz.
+    pub mhz: u32,
+    /// Samples whose clock is below this share of it are left out.
+    pub least_share: f64,
+}
+
+/// What sort of clock samples are held against.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ClockKind {
+    /// The device was locked to it.
+    Locked,
+    /// The device is free to choose, and is sold to run at least at this.
+    Base,
 }
 
 impl Record {
@@ -111,8 +165,11 @@ impl Record {
             device,
             shaders: BTreeMap::new(),
             run,
+            sweep: None,
+            parts: Vec::new(),
             parameters: Parameters::default(),
             results: Vec::new(),
+            references: Vec::new(),
         }
     }
 

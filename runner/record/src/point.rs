@@ -1,4 +1,4 @@
-use crate::{Kernel, Parameters, Telemetry};
+use crate::{Kernel, Parameters, Telemetry, Timestamp};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -22,6 +22,46 @@ pub struct Point {
     pub kernels: Vec<Kernel>,
     /// What was measured from each view.
     pub views: Vec<View>,
+    /// How measuring it went; absent in records from before that was kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measurement: Option<Measurement>,
+}
+
+/// How measuring a point went.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Measurement {
+    /// Which of the record's `parts` measured it; 0 where there are none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub part: u32,
+    /// How many points the same part had measured before it, references included.
+    pub position: u64,
+    /// When it began.
+    pub started: Timestamp,
+    /// When it ended.
+    pub finished: Timestamp,
+    /// Why no more samples were taken.
+    pub stopped: Stop,
+    /// Whether too few samples of a view count: the rates are then hearsay.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub unreliable: bool,
+}
+
+fn is_zero(number: &u32) -> bool {
+    *number == 0
+}
+
+/// Why no more samples of a point were taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Stop {
+    /// Its rates were known well enough.
+    Precise,
+    /// Each view had the most samples it may have.
+    Samples,
+    /// It had taken the time it may take.
+    Time,
+    /// Somebody stopped the run.
+    Interrupted,
 }
 
 /// A scene, and how it came to be.
@@ -147,6 +187,24 @@ pub struct Adaptation {
 pub struct Sample {
     /// The traversal of each wavefront: primary rays first, then one entry per bounce.
     pub depths: Vec<Launch>,
+    /// Clock of the streaming multiprocessors right after it, in MHz, where it was read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sm_clock_mhz: Option<u32>,
+    /// Why it does not count; absent if it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub excluded: Option<Exclusion>,
+}
+
+/// Why a sample is kept and does not count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Exclusion {
+    /// The device was still warming up.
+    WarmUp,
+    /// The device said that it was being slowed down.
+    Throttled,
+    /// The clock was too low.
+    LowClock,
 }
 
 /// The traversal of one wavefront.

@@ -75,8 +75,34 @@ impl Record {
                 problems.add(&format!("run.{name}"), Fault::Range, "zero");
             }
         }
+        if let Some(stopping) = &self.run.stopping {
+            problems.positive("run.stopping.half_width", stopping.half_width);
+            problems.not_negative("run.stopping.seconds", stopping.seconds);
+            if stopping.least == 0 || stopping.least > stopping.most || stopping.most != self.run.samples {
+                let what = format!(
+                    "from {} to {}, and the run's limit is {}",
+                    stopping.least, stopping.most, self.run.samples
+                );
+                problems.add("run.stopping", Fault::Mismatch, what);
+            }
+        }
+        if let Some(clock) = &self.run.clock {
+            problems.positive("run.clock.least_share", clock.least_share);
+            if clock.mhz == 0 {
+                problems.add("run.clock.mhz", Fault::Range, "zero");
+            }
+        }
+        for (index, part) in self.parts.iter().enumerate() {
+            problems.named(&format!("parts[{index}].device"), &part.device);
+            if part.finished < part.started {
+                problems.add(&format!("parts[{index}].finished"), Fault::Mismatch, "before it started");
+            }
+        }
         if self.results.is_empty() {
             problems.add("results", Fault::Empty, "nothing was measured");
+        }
+        for (index, point) in self.references.iter().enumerate() {
+            self.check_point(&format!("references[{index}]"), point, &mut problems);
         }
         let mut seen = BTreeMap::new();
         for (index, point) in self.results.iter().enumerate() {
@@ -125,6 +151,17 @@ impl Record {
                 problems.add(&at, Fault::Duplicate, what);
             }
             self.check_kernel(&at, kernel, problems);
+        }
+        if let Some(measurement) = &point.measurement {
+            let at = format!("{at}.measurement");
+            if measurement.finished < measurement.started {
+                problems.add(&format!("{at}.finished"), Fault::Mismatch, "before it started");
+            }
+            let part = measurement.part as usize;
+            if part > 0 && part >= self.parts.len() {
+                let what = format!("the record has {} parts", self.parts.len());
+                problems.add(&format!("{at}.part"), Fault::Mismatch, what);
+            }
         }
         if point.views.is_empty() {
             problems.add(&format!("{at}.views"), Fault::Empty, "no view was measured");
@@ -372,7 +409,26 @@ mod tests {
         breaks("shaders[\"x\"]", Range, |r| {
             r.shaders.insert("x".into(), "E3".into());
         });
-        breaks("run.samples", Range, |r| r.run.samples = 0);
+        breaks("run.samples", Range, |r| {
+            r.run.samples = 0;
+            r.run.stopping = None;
+        });
+        breaks("run.stopping", Mismatch, |r| r.run.stopping.as_mut().unwrap().least = 31);
+        breaks("run.stopping", Mismatch, |r| r.run.samples = 29);
+        breaks("run.stopping.half_width", NotFinite, |r| {
+            r.run.stopping.as_mut().unwrap().half_width = f64::NAN;
+        });
+        breaks("run.clock.mhz", Range, |r| r.run.clock.as_mut().unwrap().mhz = 0);
+        breaks("parts[0].finished", Mismatch, |r| {
+            r.parts[0].finished = Timestamp::from(UNIX_EPOCH);
+        });
+        breaks("references[0].tree.leaves", Mismatch, |r| r.references[0].tree.leaves = 0);
+        breaks("results[0].measurement.part", Mismatch, |r| {
+            r.results[0].measurement.as_mut().unwrap().part = 1;
+        });
+        breaks("results[0].measurement.finished", Mismatch, |r| {
+            r.results[0].measurement.as_mut().unwrap().finished = Timestamp::from(UNIX_EPOCH);
+        });
         breaks("results", Empty, |r| r.results.clear());
         breaks("results[2]", Duplicate, |r| r.results.push(r.results[0].clone()));
 
