@@ -181,6 +181,9 @@ pub struct Run {
     pub seed: u32,
     #[command(flatten)]
     pub tuning: Tuning,
+    /// What the GPU is locked to: samples below 95% of it are left out of the means. Without it, its base clock
+    #[arg(long, value_name = "MHZ", value_parser = clap::value_parser!(u32).range(1..))]
+    pub locked_clock: Option<u32>,
     /// Where the record goes; it is written anew after each view
     #[arg(short, long, value_name = "FILE.json")]
     pub output: Option<PathBuf>,

@@ -244,11 +244,10 @@ impl Stage {
         let params = Params::with(variant, &seen.tuning.set)?;
         let session = Session::open(global)?;
         let loaded = session.load(&seen.scene)?;
-        let names: Vec<String> = loaded.scene.views.iter().map(|v| v.name.clone()).collect();
-        let view = args::pick(&names, &seen.view).map_err(anyhow::Error::msg)?[0];
-        let camera = Camera::new(&loaded.scene.views[view], size.width, size.height);
+        let view = loaded.scene.views[loaded.views(Some(&seen.view))?[0]].clone();
+        let camera = Camera::new(&view, size.width, size.height);
         let plant = session.plant(&loaded, variant, &params, None, 1, |_| ())?;
-        Ok(Self { session, loaded, plant, params, camera, view: names[view].clone() })
+        Ok(Self { session, loaded, plant, params, camera, view: view.name })
     }
 
     /// The tree for the camera.

@@ -2,7 +2,9 @@
 
 mod args;
 mod commands;
+mod describe;
 mod host;
+mod measure;
 mod params;
 mod picture;
 mod progress;

@@ -1,6 +1,11 @@
 //! What every command that traces needs: an open device, a loaded scene, a built tree.
 
-use crate::{args::Global, params::Params, progress::remark, variant::Variant};
+use crate::{
+    args::{self, Global},
+    params::Params,
+    progress::remark,
+    variant::Variant,
+};
 use anyhow::{Context, bail};
 use std::{
     sync::atomic::{AtomicBool, Ordering},
@@ -29,6 +34,20 @@ pub struct Session {
 pub struct Loaded {
     pub scene: Scene,
     pub device: DeviceScene,
+}
+
+impl Loaded {
+    /// The views that a list names, or all.
+    ///
+    /// # Errors
+    /// It names one that is not there, or none.
+    pub fn views(&self, list: Option<&str>) -> anyhow::Result<Vec<usize>> {
+        let names: Vec<String> = self.scene.views.iter().map(|view| view.name.clone()).collect();
+        match list {
+            Some(list) => args::pick(&names, list).map_err(anyhow::Error::msg),
+            None => Ok((0..names.len()).collect()),
+        }
+    }
 }
 
 /// A tree that can be traversed.
@@ -322,16 +341,17 @@ impl Session {
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// After this, the first Ctrl-C makes [`interrupted`] true and the second one ends the program at once.
+/// After this, the first Ctrl-C makes [`interrupted`] true and the second one ends the program at once. SIGTERM,
+/// with which schedulers announce that time is up, does the same. `unit` is what is brought to its end before.
 ///
 /// # Errors
 /// The handler cannot be installed.
-pub fn watch_for_interrupts() -> anyhow::Result<()> {
-    ctrlc::set_handler(|| {
+pub fn watch_for_interrupts(unit: &'static str) -> anyhow::Result<()> {
+    ctrlc::set_handler(move || {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
             std::process::exit(130);
         }
-        eprintln!("\nfinishing the running sample; press Ctrl-C again to stop at once");
+        eprintln!("\nfinishing the running {unit}; press Ctrl-C again to stop at once");
     })
     .context("cannot watch for Ctrl-C")
 }

@@ -2,7 +2,7 @@
 //! `stabilize`'s business.
 
 use nvml_wrapper::bitmasks::device::ThrottleReasons;
-use nvml_wrapper::enum_wrappers::device::{Clock, PerformanceState, TemperatureSensor};
+use nvml_wrapper::enum_wrappers::device::{Clock, ClockId, PerformanceState, TemperatureSensor};
 use nvml_wrapper::error::{Bits, NvmlError};
 use nvml_wrapper::{Device, Nvml};
 use record::{Reading, ThrottleReason, Timestamp};
@@ -19,6 +19,15 @@ const LIBRARIES: &[&str] =
 
 /// A way to ask one device about itself, or the reason why there is none.
 pub struct Telemetry(Result<Source, String>);
+
+/// What can be asked between two samples without keeping the device waiting.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Moment {
+    /// Clock of the streaming multiprocessors in MHz, where the device tells.
+    pub sm_clock_mhz: Option<u32>,
+    /// Whether the device is being slowed down, where it tells.
+    pub throttled: Option<bool>,
+}
 
 struct Source {
     nvml: Nvml,
@@ -54,6 +63,23 @@ impl Telemetry {
                 Err(error) => record::Telemetry::unavailable(error.to_string()),
             },
         }
+    }
+
+    /// The little that says whether a sample can be trusted.
+    pub fn moment(&self) -> Moment {
+        let Ok(source) = &self.0 else { return Moment::default() };
+        let Ok(device) = source.nvml.device_by_index(source.index) else { return Moment::default() };
+        Moment {
+            sm_clock_mhz: device.clock_info(Clock::SM).ok(),
+            throttled: throttled(device.current_throttle_reasons_strict())
+                .map(|reasons| reasons.iter().any(|reason| reason.slows())),
+        }
+    }
+
+    /// The clock in MHz that the device runs at by default, where it tells.
+    pub fn base_clock(&self) -> Option<u32> {
+        let source = self.0.as_ref().ok()?;
+        source.nvml.device_by_index(source.index).ok()?.clock(Clock::SM, ClockId::DefaultAppClock).ok()
     }
 }
 
@@ -124,13 +150,17 @@ fn reading(answers: Answers, time: Timestamp) -> record::Telemetry {
         temperature_celsius: answers.temperature.ok(),
         power_watts: answers.milliwatts.ok().map(|power| f64::from(power) / 1e3),
         performance_state: answers.performance_state.ok().and_then(performance_state),
-        throttle_reasons: match answers.throttle_reasons {
-            Ok(reasons) => Some(throttle_reasons(reasons.bits())),
-            // A newer driver has reasons that the wrapper does not know.
-            Err(NvmlError::IncorrectBits(Bits::U64(bits))) => Some(throttle_reasons(bits)),
-            Err(_) => None,
-        },
+        throttle_reasons: throttled(answers.throttle_reasons),
     })
+}
+
+fn throttled(answer: Result<ThrottleReasons, NvmlError>) -> Option<BTreeSet<ThrottleReason>> {
+    match answer {
+        Ok(reasons) => Some(throttle_reasons(reasons.bits())),
+        // A newer driver has reasons that the wrapper does not know.
+        Err(NvmlError::IncorrectBits(Bits::U64(bits))) => Some(throttle_reasons(bits)),
+        Err(_) => None,
+    }
 }
 
 fn performance_state(state: PerformanceState) -> Option<u32> {

@@ -138,11 +138,7 @@ fn check(
     let size = (arguments.size.width, arguments.size.height);
     let path = path::Params { depth: arguments.depth, seed: arguments.seed };
     let tracer = PathTracer::new(gpu, &loaded.device, size, &path, false)?;
-    let names: Vec<String> = loaded.scene.views.iter().map(|v| v.name.clone()).collect();
-    let views = match &arguments.views {
-        Some(list) => args::pick(&names, list).map_err(anyhow::Error::msg)?,
-        None => (0..names.len()).collect(),
-    };
+    let views = loaded.views(arguments.views.as_deref())?;
     let cameras: Vec<Camera> =
         views.iter().map(|&v| Camera::new(&loaded.scene.views[v], size.0, size.1)).collect();
 
@@ -169,7 +165,7 @@ fn check(
     // A variant that goes by view has a tree for each; the others have one for all.
     let own_views = if variant.by_view { cameras.len() } else { 1 };
     for view in 0..own_views {
-        let of_view = if variant.by_view { names[views[view]].as_str() } else { "" };
+        let of_view = if variant.by_view { loaded.scene.views[views[view]].name.as_str() } else { "" };
         let seen = if variant.by_view {
             let (tree, sampling) = (&reference, &params.cbtc);
             tracer.sample_visits(&sampler, tree, &cameras[view], sampling, &workspace, &visits)?;

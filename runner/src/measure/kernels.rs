@@ -1,0 +1,57 @@
+//! The traversal kernels of a variant.
+
+use crate::{params::Params, resources, session::Session};
+use tracer::{
+    path::{self, Camera, PathTracer, SingleKernel},
+    traverse::{self, Counting, Traversal, Tree},
+};
+
+/// The traversal kernels of a variant: those that are timed, and those that count.
+pub struct Kernels {
+    timed: Timed,
+    /// Counts what rays meet.
+    pub counting: Traversal,
+}
+
+/// How paths are traced while they are timed.
+enum Timed {
+    Separate(Traversal),
+    Single(SingleKernel),
+}
+
+impl Kernels {
+    pub fn new(session: &Session, tree: &Tree, params: &Params) -> anyhow::Result<Self> {
+        let timed = match params.trace.kernels {
+            traverse::Kernels::Separate => {
+                Timed::Separate(session.traversal(tree, params, Counting::Nothing)?)
+            }
+            traverse::Kernels::Single => Timed::Single(SingleKernel::new(&session.gpu, &params.trace, tree)?),
+        };
+        Ok(Self { timed, counting: session.traversal(tree, params, Counting::Rays)? })
+    }
+
+    /// Entries of the traversal stack they were compiled with.
+    pub fn stack(&self) -> u32 {
+        self.counting.stack()
+    }
+
+    pub fn recorded(&self) -> Vec<record::Kernel> {
+        match &self.timed {
+            Timed::Separate(traversal) => resources::recorded(traversal),
+            Timed::Single(single) => vec![resources::recorded_as(single.kernel(), "all")],
+        }
+    }
+
+    pub fn sample(
+        &self,
+        tracer: &PathTracer<'_>,
+        tree: &Tree,
+        camera: &Camera,
+        sample: u32,
+    ) -> Result<path::Sample, tracer::Error> {
+        match &self.timed {
+            Timed::Separate(traversal) => tracer.sample(traversal, tree, camera, sample),
+            Timed::Single(single) => tracer.sample_in_one(single, tree, camera, sample),
+        }
+    }
+}

@@ -1,0 +1,313 @@
+//! Measures one point: builds its tree, traces samples from its views until they tell enough, and says in the
+//! record's words what came of it.
+
+mod kernels;
+mod settle;
+mod stop;
+
+pub use stop::Sampling;
+
+use crate::{
+    describe,
+    params::Params,
+    session::{Loaded, Plant, Seedling, Session},
+    telemetry::{Moment, Telemetry},
+    variant::Variant,
+};
+use kernels::Kernels;
+use record::{Adaptation, Build, Count, Counters, Exclusion, Launch, Measurement, Point, Stop, Timestamp};
+use std::time::{Duration, Instant};
+use stop::Verdict;
+use tracer::{
+    path::{self, Camera, PathTracer},
+    traverse::Tree,
+};
+
+/// What is the same for all points of a run.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Width and height of the picture.
+    pub size: (u32, u32),
+    /// What a path is.
+    pub path: path::Params,
+    /// Measured builds of each tree.
+    pub builds: u32,
+    /// Samples traced from a view before those that are kept, so that no kernel is compiled while it is timed.
+    pub warm_up: u32,
+    /// Least time of builds before the first that is measured, and of samples before the first view.
+    pub busy_before_point: Duration,
+    /// The same before each further view.
+    pub busy_before_view: Duration,
+    /// How many samples are kept.
+    pub sampling: Sampling,
+    /// What a sample's clock is held against.
+    pub clock: Option<record::Clock>,
+}
+
+/// One scene with one variant and its parameters.
+pub struct Measuring<'a> {
+    /// The device.
+    pub session: &'a Session,
+    /// What the device says about itself.
+    pub telemetry: &'a Telemetry,
+    /// The scene.
+    pub loaded: &'a Loaded,
+    /// The variant.
+    pub variant: Variant,
+    /// Its parameters.
+    pub params: &'a Params,
+    /// What is the same for all points.
+    pub plan: &'a Plan,
+    /// Parameters that the record has for all points; a point keeps those in which it differs.
+    pub common: &'a record::Parameters,
+    /// How many points were measured before.
+    pub position: u64,
+}
+
+/// Follows the measuring of a point.
+pub trait Watch {
+    /// Whether to stop before the next sample.
+    fn interrupted(&self) -> bool;
+    /// A view begins: which of how many, and its name.
+    fn view(&mut self, _which: usize, _of: usize, _name: &str) {}
+    /// A sample was traced.
+    fn sample(&mut self) {}
+    /// The samples of a view are there, those of later ones may be missing.
+    ///
+    /// # Errors
+    /// What it came to cannot be kept.
+    fn progress(&mut self, _point: &Point) -> anyhow::Result<()> {
+        Ok(())
+    }
+}
+
+/// A view while it is measured.
+struct Seen {
+    camera: Camera,
+    record: record::View,
+}
+
+impl Measuring<'_> {
+    /// Measures the point; nothing where it was interrupted before a view was complete.
+    ///
+    /// # Errors
+    /// The device failed, has too little memory, or a parameter is out of its range.
+    pub fn measure(&self, views: &[usize], watch: &mut dyn Watch) -> anyhow::Result<Option<Point>> {
+        let plan = self.plan;
+        let scene = &self.loaded.scene;
+        let (started, clock) = (Timestamp::now(), Instant::now());
+        let mut repetitions = Vec::new();
+        let warm_up = (plan.warm_up > 0).then_some(plan.busy_before_point);
+        let plant =
+            self.session.plant(self.loaded, self.variant, self.params, warm_up, plan.builds, |report| {
+                repetitions.push(describe::repetition(report));
+            })?;
+        let mut parameters = describe::parameters(self.params)?;
+        parameters.0.retain(|name, value| self.common.get(name) != Some(value));
+        let mut point = Point {
+            scene: describe::scene(scene),
+            variant: self.variant.to_string(),
+            parameters,
+            build: Build { repetitions },
+            tree: describe::tree(plant.statistics()),
+            kernels: Vec::new(),
+            views: Vec::new(),
+            measurement: Some(Measurement {
+                part: 0,
+                position: self.position,
+                started,
+                finished: started,
+                stopped: Stop::Interrupted,
+                unreliable: false,
+            }),
+        };
+        let tracer = PathTracer::new(&self.session.gpu, &self.loaded.device, plan.size, &plan.path, true)?;
+        tracer.clear()?;
+        let mut kernels: Option<Kernels> = None;
+        let mut seen: Vec<Seen> = Vec::new();
+        // The first round gives each view the fewest samples. Later ones add to them until the rates are known
+        // well enough: they go over all views again, so that a slow change of the device meets all alike.
+        let mut goal = plan.sampling.least;
+        let stopped = 'rounds: loop {
+            for (which, &view) in views.iter().enumerate() {
+                let view = &scene.views[view];
+                watch.view(which, views.len(), &view.name);
+                let begun = Instant::now();
+                let first = which == seen.len();
+                let camera = Camera::new(view, plan.size.0, plan.size.1);
+                let (tree, adaptation) = match &plant {
+                    Plant::Planted(planted) => (planted.tree, None),
+                    Plant::Seedling(seedling) if first => {
+                        let (tree, adaptation) = self.adapt(seedling, &tracer, &camera)?;
+                        (tree, Some(adaptation))
+                    }
+                    Plant::Seedling(seedling) => (seedling.grow(self.loaded, &tracer, &camera)?.tree, None),
+                };
+                // Trees of different views may need stacks of different size.
+                let compiled = kernels.as_ref().is_some_and(|kernels| tree.stack <= kernels.stack());
+                if !compiled {
+                    kernels = Some(Kernels::new(self.session, &tree, self.params)?);
+                }
+                let kernels = kernels.as_ref().expect("compiled above");
+                // Compiling the kernels has left it idle.
+                let (begun, least) = if compiled {
+                    (begun, plan.busy_before_view)
+                } else {
+                    (Instant::now(), plan.busy_before_point)
+                };
+                if first {
+                    let before = self.telemetry.sample();
+                    let record = record::View {
+                        name: view.name.clone(),
+                        adaptation,
+                        samples: Vec::new(),
+                        counters: None,
+                        after: before.clone(),
+                        before,
+                        pictures: Vec::new(),
+                    };
+                    seen.push(Seen { camera, record });
+                }
+                let own = &mut seen[which];
+                let deadline = (!first).then_some(plan.sampling.time.saturating_sub(clock.elapsed()));
+                let whole =
+                    self.samples(own, (begun, least), goal, deadline, &tracer, kernels, &tree, watch)?;
+                if first && !whole {
+                    // What there is of it would be fewer samples than was asked for.
+                    seen.pop();
+                    break 'rounds Stop::Interrupted;
+                }
+                if first {
+                    let counts = tracer.count(&kernels.counting, &tree, &own.camera, 0)?;
+                    let depths = counts.iter().map(|c| Count {
+                        rays: c.rays,
+                        nodes: c.nodes,
+                        boxes: c.boxes,
+                        triangles: c.triangles,
+                    });
+                    own.record.counters = Some(Counters { depths: depths.collect() });
+                    watch.sample();
+                }
+                point.kernels = kernels.recorded();
+                point.views = seen.iter().map(|seen| seen.record.clone()).collect();
+                watch.progress(&point)?;
+                if watch.interrupted() {
+                    break 'rounds Stop::Interrupted;
+                }
+            }
+            match plan.sampling.judge(&point, clock.elapsed()) {
+                Verdict::Stop(stop) => break stop,
+                Verdict::Go { samples } => goal = samples,
+            }
+        };
+        if point.views.is_empty() {
+            return Ok(None);
+        }
+        let measurement = point.measurement.as_mut().expect("set above");
+        measurement.finished = Timestamp::now();
+        measurement.stopped = stopped;
+        measurement.unreliable =
+            point.views.iter().any(|view| view.counted().count() < plan.sampling.least as usize);
+        Ok(Some(point))
+    }
+
+    /// Makes the tree of a view as often as trees are built, after warming up as long as that.
+    fn adapt(
+        &self,
+        seedling: &Seedling,
+        tracer: &PathTracer<'_>,
+        camera: &Camera,
+    ) -> anyhow::Result<(Tree, Adaptation)> {
+        let plan = self.plan;
+        let grow = || seedling.grow(self.loaded, tracer, camera);
+        let started = Instant::now();
+        let mut grown = grow()?;
+        while plan.warm_up > 0 && started.elapsed() < plan.busy_before_view {
+            grown = grow()?;
+        }
+        let mut sampling_milliseconds = Vec::new();
+        let mut repetitions = Vec::new();
+        for _ in 0..plan.builds {
+            grown = grow()?;
+            sampling_milliseconds.push(grown.sampling_milliseconds);
+            repetitions.push(describe::repetition(&grown.build));
+        }
+        let tree = describe::tree(&seedling.measure(&grown)?);
+        Ok((grown.tree, Adaptation { sampling_milliseconds, build: Build { repetitions }, tree }))
+    }
+
+    /// Adds samples to a view until `goal` of them count, or there are as many as there may be, or `deadline`
+    /// has passed. The device has been busy since `begun`, and is to be for at `least` so long before. False
+    /// where the user stopped it.
+    #[expect(clippy::too_many_arguments, reason = "all of it changes from view to view")]
+    fn samples(
+        &self,
+        seen: &mut Seen,
+        (begun, least): (Instant, Duration),
+        goal: u32,
+        deadline: Option<Duration>,
+        tracer: &PathTracer<'_>,
+        kernels: &Kernels,
+        tree: &Tree,
+        watch: &mut dyn Watch,
+    ) -> anyhow::Result<bool> {
+        let plan = self.plan;
+        let (view, camera) = (&mut seen.record, &seen.camera);
+        let mut warmed = 0;
+        while warmed < plan.warm_up || (plan.warm_up > 0 && begun.elapsed() < least) {
+            kernels.sample(tracer, tree, camera, u32::MAX - 1 - warmed)?;
+            warmed += 1;
+        }
+        if view.samples.is_empty() {
+            view.before = self.telemetry.sample();
+        }
+        let started = Instant::now();
+        let enough = |view: &record::View| {
+            view.counted().count() >= goal as usize || view.samples.len() >= plan.sampling.most as usize
+        };
+        while !enough(view) && deadline.is_none_or(|deadline| started.elapsed() < deadline) {
+            if watch.interrupted() {
+                return Ok(false);
+            }
+            let measured = kernels.sample(tracer, tree, camera, view.samples.len() as u32)?;
+            let moment = self.telemetry.moment();
+            let depths = measured.waves.iter().map(|w| Launch { rays: w.rays, milliseconds: w.milliseconds });
+            view.samples.push(record::Sample {
+                depths: depths.collect(),
+                sm_clock_mhz: moment.sm_clock_mhz,
+                excluded: slowed(&moment, plan.clock.as_ref()),
+            });
+            watch.sample();
+            if enough(view) {
+                settle::mark(&mut view.samples);
+            }
+        }
+        view.after = self.telemetry.sample();
+        Ok(true)
+    }
+}
+
+/// Why a sample that ended at this moment does not count, if it does not.
+fn slowed(moment: &Moment, clock: Option<&record::Clock>) -> Option<Exclusion> {
+    if moment.throttled == Some(true) {
+        return Some(Exclusion::Throttled);
+    }
+    let (clock, mhz) = (clock?, moment.sm_clock_mhz?);
+    (f64::from(mhz) < clock.least_share * f64::from(clock.mhz)).then_some(Exclusion::LowClock)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn throttling_and_low_clocks_exclude_a_sample() {
+        let clock = record::Clock { kind: record::ClockKind::Base, mhz: 2000, least_share: 0.95 };
+        let at = |mhz, throttled| Moment { sm_clock_mhz: mhz, throttled };
+        assert_eq!(slowed(&at(Some(1900), Some(false)), Some(&clock)), None);
+        assert_eq!(slowed(&at(Some(1899), Some(false)), Some(&clock)), Some(Exclusion::LowClock));
+        assert_eq!(slowed(&at(Some(2100), Some(true)), Some(&clock)), Some(Exclusion::Throttled));
+        assert_eq!(slowed(&at(Some(300), None), None), None);
+        assert_eq!(slowed(&at(None, None), Some(&clock)), None);
+    }
+}
