@@ -167,6 +167,10 @@ fn quiet_is_quiet_and_the_schema_is_json() {
     assert_eq!(fs::read_dir(here.path()).unwrap().count(), 0, "nothing is written unasked");
     let schema: serde_json::Value = serde_json::from_slice(&works(here.path(), "schema").stdout).unwrap();
     assert_eq!(schema, record::json_schema());
+    let schema: serde_json::Value =
+        serde_json::from_slice(&works(here.path(), "config schema").stdout).unwrap();
+    let parameters = &schema["properties"]["axis"]["items"]["properties"]["parameter"]["enum"];
+    assert!(parameters.as_array().unwrap().contains(&"collapse.c_t".into()), "{parameters}");
     let scenes = text(&works(here.path(), "scenes").stdout);
     assert!(
         scenes.contains("cornell") && scenes.contains("sponza") && scenes.contains("missing"),
