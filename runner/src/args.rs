@@ -136,6 +136,9 @@ pub enum Command {
     },
     /// Print the JSON Schema of the record
     Schema,
+    /// Help with configs, the files that describe experiments
+    #[command(subcommand)]
+    Config(ConfigCommand),
     /// Print completions for a shell, such as `source <(runner completions bash)`
     Completions {
         /// The shell
@@ -146,6 +149,13 @@ pub enum Command {
         /// The command that it is about; runner as a whole when left out
         command: Option<String>,
     },
+}
+
+/// What `config` does.
+#[derive(Debug, Subcommand)]
+pub enum ConfigCommand {
+    /// Print the JSON Schema of configs, by which editors complete and check them
+    Schema,
 }
 
 /// What `run` measures.

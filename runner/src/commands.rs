@@ -2,6 +2,7 @@
 
 use crate::{
     args::{self, Global, Heatmap, Seen, Size},
+    config,
     params::Params,
     picture::Picture,
     progress::{bar, remark},
@@ -180,6 +181,11 @@ pub fn man(command: Option<&str>) -> anyhow::Result<()> {
 /// `runner schema`.
 pub fn schema() -> anyhow::Result<()> {
     print(&serde_json::to_string_pretty(&record::json_schema())?)
+}
+
+/// `runner config schema`.
+pub fn config_schema() -> anyhow::Result<()> {
+    print(&serde_json::to_string_pretty(config::json_schema())?)
 }
 
 /// `runner variants`.

@@ -2,6 +2,11 @@
 
 mod args;
 mod commands;
+#[cfg_attr(
+    not(test),
+    expect(dead_code, unused_imports, reason = "`runner sweep` will measure what it reads")
+)]
+mod config;
 mod describe;
 mod host;
 mod measure;
@@ -17,7 +22,7 @@ mod telemetry;
 mod validate;
 mod variant;
 
-use args::{Cli, Command};
+use args::{Cli, Command, ConfigCommand};
 use clap::Parser;
 use std::process::ExitCode;
 
@@ -34,6 +39,7 @@ fn main() -> ExitCode {
         Command::Validate(validate) => validate::validate(&cli.global, validate),
         Command::Resources { tuning, json } => resources::resources(&cli.global, tuning, *json),
         Command::Schema => commands::schema(),
+        Command::Config(ConfigCommand::Schema) => commands::config_schema(),
         Command::Completions { shell } => commands::completions(*shell),
         Command::Man { command } => commands::man(command.as_deref()),
     };

@@ -1,8 +1,9 @@
 //! Parameters of all stages, settable by name.
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::collections::BTreeMap;
 use tracer::{
     builder::BuildParams,
     contract::{ContractParams, Contraction, Form},
@@ -88,39 +89,57 @@ impl Params {
         }
     }
 
-    /// Applies assignments such as `collapse.c_t=3`.
+    /// Applies assignments such as `collapse.c_t=3`, all or none.
     ///
     /// # Errors
     /// No such parameter, or a value of the wrong kind or out of range.
     pub fn set(&mut self, assignments: &[String]) -> anyhow::Result<()> {
-        let mut tree = serde_json::to_value(&*self)?;
+        let mut set = self.clone();
         for assignment in assignments {
             let (name, text) = assignment
                 .split_once('=')
                 .with_context(|| format!("--set {assignment}: write NAME=VALUE"))?;
-            let Some(slot) = find(&mut tree, name.trim()).filter(|slot| !slot.is_object()) else {
-                let mut known = Vec::new();
-                leaves("", &tree, &mut known);
-                bail!(
-                    "--set {assignment}: there is no parameter {name:?}; there are:\n  {}",
-                    known.join("\n  ")
-                );
-            };
-            let old = slot.clone();
-            let text = text.trim();
-            *slot = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.into()));
-            if std::mem::discriminant(slot) != std::mem::discriminant(&old) {
-                bail!("--set {assignment}: {name} is of the kind of {old}, its default");
-            }
+            set.assign(name.trim(), value(text)).map_err(|error| anyhow!("--set {assignment}: {error:#}"))?;
         }
-        let set: Self =
-            serde_json::from_value(tree).with_context(|| format!("--set {}", assignments.join(" --set ")))?;
+        *self = set;
+        Ok(())
+    }
+
+    /// Gives one parameter, by its dotted name, a value.
+    ///
+    /// # Errors
+    /// No such parameter, or a value of the wrong kind or out of range; nothing has changed then.
+    pub fn assign(&mut self, name: &str, value: Value) -> anyhow::Result<()> {
+        let mut tree = serde_json::to_value(&*self)?;
+        let Some(slot) = find(&mut tree, name).filter(|slot| !slot.is_object()) else {
+            let known: Vec<_> =
+                self.by_name().0.into_iter().map(|(name, value)| format!("{name}={value}")).collect();
+            bail!("there is no parameter {name:?}; there are:\n  {}", known.join("\n  "));
+        };
+        if std::mem::discriminant(slot) != std::mem::discriminant(&value) {
+            bail!("{name} is of the kind of {slot}, its default");
+        }
+        *slot = value;
+        let set: Self = serde_json::from_value(tree).with_context(|| name.to_owned())?;
         set.check()?;
         *self = set;
         Ok(())
     }
 
-    /// Refuses what stages cannot work with. Workgroup sizes depend on the device and are checked there.
+    /// All parameters by their dotted names.
+    pub fn by_name(&self) -> record::Parameters {
+        // By way of text, in which an f32 of 0.6 is "0.6".
+        let text = serde_json::to_string(self).expect("parameters are plain data");
+        let stages: BTreeMap<String, Value> = serde_json::from_str(&text).expect("just written");
+        let mut flat = record::Parameters::default();
+        for (stage, value) in &stages {
+            flat.add(stage, value).expect("plain data too");
+        }
+        flat
+    }
+
+    /// Refuses what stages cannot work with. How large a workgroup can be depends on the device and is checked
+    /// there.
     fn check(&self) -> anyhow::Result<()> {
         let ranges = [
             ("morton.bits", f64::from(self.morton.bits), 1.0..=21.0),
@@ -131,6 +150,8 @@ impl Params {
             ("contract.alpha", f64::from(self.contract.alpha), 0.0..=1.0),
             ("cbtc.depth-limit", f64::from(self.cbtc.depth_limit), 0.0..=63.0),
             ("cbtc.subsampling", f64::from(self.cbtc.subsampling), 1.0..=1e9),
+            ("trace.primary_subgroups", f64::from(self.trace.primary_subgroups), 1.0..=1024.0),
+            ("trace.secondary_subgroups", f64::from(self.trace.secondary_subgroups), 1.0..=1024.0),
             ("trace.primary_fetch_below", f64::from(self.trace.primary_fetch_below), 0.0..=1.0),
             ("trace.secondary_fetch_below", f64::from(self.trace.secondary_fetch_below), 0.0..=1.0),
             ("trace.postpone_below", f64::from(self.trace.postpone_below), 0.0..=1.0),
@@ -140,18 +161,18 @@ impl Params {
         ];
         for (name, value, range) in ranges {
             if !range.contains(&value) {
-                bail!("--set: {name} is from {} to {}, not {value}", range.start(), range.end());
+                bail!("{name} is from {} to {}, not {value}", range.start(), range.end());
             }
         }
         let methods = [("by-area", self.contract.by_area, false), ("by-view", self.contract.by_view, true)];
         for (name, method, by_view) in methods {
             if method.by_view() != by_view {
                 let fit: Vec<_> = Contraction::ALL.iter().filter(|m| m.by_view() == by_view).collect();
-                bail!("--set: contract.{name} is {} or {}, not {method}", fit[0], fit[1]);
+                bail!("contract.{name} is {} or {}, not {method}", fit[0], fit[1]);
             }
         }
         if ![4, 8, 16].contains(&self.layout.align) {
-            bail!("--set: layout.align is 4, 8 or 16, not {}", self.layout.align);
+            bail!("layout.align is 4, 8 or 16, not {}", self.layout.align);
         }
         Ok(())
     }
@@ -161,16 +182,10 @@ fn find<'t>(tree: &'t mut Value, name: &str) -> Option<&'t mut Value> {
     name.split('.').try_fold(tree, |node, part| node.as_object_mut()?.get_mut(part))
 }
 
-fn leaves(prefix: &str, tree: &Value, out: &mut Vec<String>) {
-    match tree {
-        Value::Object(fields) => {
-            for (name, value) in fields {
-                let dot = if prefix.is_empty() { "" } else { "." };
-                leaves(&format!("{prefix}{dot}{name}"), value, out);
-            }
-        }
-        value => out.push(format!("{prefix}={value}")),
-    }
+/// What a text on the command line stands for: JSON, such as a number, or else the text itself.
+pub fn value(text: &str) -> Value {
+    let text = text.trim();
+    serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.into()))
 }
 
 #[cfg(test)]
@@ -201,6 +216,25 @@ mod tests {
         assert!(params.set(&["contract.by-view=best".into()]).is_err());
         assert!(params.set(&["layout.align=12".into()]).is_err());
         assert_eq!(params, Params::default());
+    }
+
+    #[test]
+    fn all_or_none_of_the_assignments_hold() {
+        let mut params = Params::default();
+        assert!(params.set(&["ploc.radius=3".into(), "ploc.radius=0".into()]).is_err());
+        assert_eq!(params, Params::default());
+    }
+
+    #[test]
+    fn names_have_the_values_that_are_meant() {
+        let names = Params::default().by_name();
+        assert_eq!(names.get("contract.alpha").unwrap().to_string(), "0.6");
+        assert_eq!(names.get("cbtc.depth-limit"), Some(&4u32.into()));
+        for (name, value) in names.0 {
+            let mut params = Params::default();
+            params.assign(&name, serde_json::to_value(value).unwrap()).unwrap();
+            assert_eq!(params, Params::default(), "{name}");
+        }
     }
 
     #[test]

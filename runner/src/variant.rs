@@ -108,7 +108,7 @@ impl fmt::Display for Variant {
 }
 
 /// Whether `pattern`, in which `*` stands for any text, describes all of `text`.
-fn matches(pattern: &str, text: &str) -> bool {
+pub fn matches(pattern: &str, text: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == text,
         Some((head, tail)) => text.strip_prefix(head).is_some_and(|rest| {

@@ -36,6 +36,15 @@ pub fn load(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
+/// Whether [`load`] can make sense of `spec`, without loading anything: the name is known, a generator's
+/// parameters are right, a path ends as a model's does. Whether a model's file is there, it does not ask.
+///
+/// # Errors
+/// What [`load`] would say.
+pub fn check(spec: &str, search: &SearchPath) -> Result<(), SceneError> {
+    if is_path(spec) { kind(Path::new(spec)).map(drop) } else { named(spec, search).map(drop) }
+}
+
 /// Finds a descriptor by name, without loading what it describes: first `NAME.toml` on the search path,
 /// then the built-in ones. The path is where it was found, `None` for a built-in one.
 ///
@@ -73,6 +82,17 @@ fn is_path(spec: &str) -> bool {
         || spec.contains(std::path::MAIN_SEPARATOR)
 }
 
+/// The extension of a model file that can be read.
+fn kind(path: &Path) -> Result<String, SceneError> {
+    let kind = extension(path);
+    if matches!(kind.as_str(), "glb" | "gltf" | "obj") {
+        return Ok(kind);
+    }
+    let feature =
+        if kind.is_empty() { "a file without extension".to_owned() } else { format!(".{kind} files") };
+    Err(SceneError::Unsupported { path: path.to_owned(), feature })
+}
+
 fn is_degenerate(&[a, b, c]: &[[f32; 3]; 3]) -> bool {
     let edge = |p: [f32; 3], q: [f32; 3]| {
         glam::DVec3::from_array(p.map(f64::from)) - glam::DVec3::from_array(q.map(f64::from))
@@ -80,7 +100,11 @@ fn is_degenerate(&[a, b, c]: &[[f32; 3]; 3]) -> bool {
     edge(b, a).cross(edge(c, a)).length_squared() == 0.0
 }
 
-fn load_named(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
+/// The name in `NAME` or `NAME:key=value,…`, its descriptor with these values, and where that was found.
+fn named<'s>(
+    spec: &'s str,
+    search: &SearchPath,
+) -> Result<(&'s str, Descriptor, Option<PathBuf>), SceneError> {
     let (name, parameters) = match spec.split_once(':') {
         Some((name, parameters)) => (name, Some(parameters)),
         None => (spec, None),
@@ -91,19 +115,26 @@ fn load_named(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
             "expected NAME, NAME:key=value,… or a path to a .glb, .gltf or .obj file",
         ));
     }
-    let (descriptor, found_at) = describe(name, search)?;
+    let (mut descriptor, found_at) = describe(name, search)?;
+    match &mut descriptor.source {
+        Source::Generator { triangles, seed, .. } => parse_parameters(spec, parameters, triangles, seed)?,
+        Source::File { .. } if parameters.is_some() => {
+            let reason = format!("'{name}' is a file and takes no parameters; generators do");
+            return Err(SceneError::spec(spec, reason));
+        }
+        Source::File { .. } => {}
+    }
+    Ok((name, descriptor, found_at))
+}
+
+fn load_named(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
+    let (name, descriptor, found_at) = named(spec, search)?;
     let mut report = LoadReport::default();
     let (mut geometry, origin) = match descriptor.source {
-        Source::Generator { generator, mut triangles, mut seed } => {
-            parse_parameters(spec, parameters, &mut triangles, &mut seed)?;
-            let geometry = generator.generate(triangles, seed);
-            (geometry, Origin::Generated { generator, triangles, seed })
+        Source::Generator { generator, triangles, seed } => {
+            (generator.generate(triangles, seed), Origin::Generated { generator, triangles, seed })
         }
         Source::File { ref file, ref sha256, .. } => {
-            if parameters.is_some() {
-                let reason = format!("'{name}' is a file and takes no parameters; generators do");
-                return Err(SceneError::spec(spec, reason));
-            }
             let path = find_file(name, file, &descriptor, found_at.as_deref(), search)?;
             let (geometry, found) = read_model(&path, &mut report)?;
             if let Some(expected) = sha256.as_ref().filter(|expected| !expected.eq_ignore_ascii_case(&found))
@@ -245,12 +276,7 @@ fn glow_if_dark(geometry: &mut Geometry, views: &[super::View], report: &mut Loa
 
 /// Reads, hashes and parses a model file.
 fn read_model(path: &Path, report: &mut LoadReport) -> Result<(Geometry, String), SceneError> {
-    let kind = extension(path);
-    if !matches!(kind.as_str(), "glb" | "gltf" | "obj") {
-        let feature =
-            if kind.is_empty() { "a file without extension".to_owned() } else { format!(".{kind} files") };
-        return Err(SceneError::Unsupported { path: path.to_owned(), feature });
-    }
+    let kind = kind(path)?;
     let bytes = std::fs::read(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
     let (geometry, sha256) = rayon::join(
         || {
@@ -358,6 +384,17 @@ mod tests {
             Origin::Generated { generator: super::super::Generator::Cornell, triangles: 3000, seed: 9 };
         assert_eq!(scene.provenance.origin, expected);
         assert!((2400..3600).contains(&scene.positions.len()), "{}", scene.positions.len());
+    }
+
+    #[test]
+    fn specs_are_checked_without_loading() {
+        for fine in ["city:triangles=1e6,seed=3", "sponza", "no/such/thing.glb", "thing.OBJ"] {
+            check(fine, &nowhere()).unwrap();
+        }
+        for wrong in ["citty", "city:size=3", "sponza:seed=3", "no/such/thing.png", "folder/thing", ""] {
+            let (checked, loaded) = (check(wrong, &nowhere()).unwrap_err(), load(wrong, &nowhere()));
+            assert_eq!(checked.to_string(), loaded.unwrap_err().to_string());
+        }
     }
 
     #[test]
