@@ -1,6 +1,7 @@
 use super::{Error, error::Context, pass::Timing};
 use ash::{ext, khr, vk};
 use std::{
+    collections::HashMap,
     ffi::{CStr, CString, c_void},
     fmt,
     str::FromStr,
@@ -177,6 +178,8 @@ pub(super) struct Inner {
     pub executable: Option<khr::pipeline_executable_properties::Device>,
     pub full_subgroups: bool,
     pub tick: Timing,
+    /// What has been compiled, by the shader's name and its specialization constants.
+    pub pipelines: Mutex<HashMap<(&'static str, Vec<u32>), vk::Pipeline>>,
     messages: Arc<Mutex<Vec<String>>>,
     instance: Instance,
 }
@@ -569,6 +572,7 @@ impl Gpu {
                 executable,
                 full_subgroups,
                 tick,
+                pipelines: Mutex::default(),
                 messages,
                 instance,
             }),
@@ -592,6 +596,9 @@ impl Drop for Inner {
         // every submission waits for its fence, and we wait once more in case one failed.
         unsafe {
             let _ = self.device.device_wait_idle();
+            for &pipeline in self.pipelines.lock().iter().flat_map(|all| all.values()) {
+                self.device.destroy_pipeline(pipeline, None);
+            }
             self.device.destroy_pipeline_layout(self.layout, None);
             self.device.destroy_device(None);
         }

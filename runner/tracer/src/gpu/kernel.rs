@@ -4,7 +4,8 @@ use std::fmt;
 
 /// A compute pipeline: one shader with its specialization constants filled in.
 ///
-/// Specialization constant 0 is the workgroup size in every shader.
+/// Specialization constant 0 is the workgroup size in every shader. A pipeline is compiled once for each device and
+/// lives as long as that: a sweep comes back to the same kernels again and again.
 pub struct Kernel {
     gpu: Gpu,
     name: &'static str,
@@ -45,6 +46,12 @@ impl Kernel {
                 limit: info.max_workgroup_size,
             });
         }
+        let values: Vec<u32> = std::iter::once(workgroup_size).chain(constants.iter().copied()).collect();
+        let mut pipelines = gpu.inner.pipelines.lock().expect("nobody panics while holding the pipelines");
+        let kernel = |pipeline| Self { gpu: gpu.clone(), name: shader.name, workgroup_size, pipeline };
+        if let Some(&pipeline) = pipelines.get(&(shader.name, values.clone())) {
+            return Ok(kernel(pipeline));
+        }
         let device = &gpu.inner.device;
         let words = ash::util::read_spv(&mut std::io::Cursor::new(shader.spirv))
             .expect("the build made valid SPIR-V");
@@ -53,7 +60,6 @@ impl Kernel {
             unsafe { device.create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&words), None) }
                 .context(shader.name)?;
 
-        let values: Vec<u32> = std::iter::once(workgroup_size).chain(constants.iter().copied()).collect();
         let entries: Vec<_> = (0..values.len() as u32)
             .map(|i| vk::SpecializationMapEntry::default().constant_id(i).offset(4 * i).size(4))
             .collect();
@@ -83,7 +89,8 @@ impl Kernel {
             made
         };
         let pipeline = made.map_err(|(_, result)| result).context(shader.name)?[0];
-        Ok(Self { gpu: gpu.clone(), name: shader.name, workgroup_size, pipeline })
+        pipelines.insert((shader.name, values), pipeline);
+        Ok(kernel(pipeline))
     }
 
     /// Invocations a workgroup.
@@ -136,12 +143,5 @@ impl Kernel {
         // SAFETY: the pipeline belongs to this device, which has the extension's feature enabled.
         let all = unsafe { self.gpu.inner.executable.as_ref()?.get_pipeline_executable_properties(&info) };
         Some(all.ok()?.first()?.subgroup_size)
-    }
-}
-
-impl Drop for Kernel {
-    fn drop(&mut self) {
-        // SAFETY: every submission is waited for before `submit` returns, so nothing runs the pipeline.
-        unsafe { self.gpu.inner.device.destroy_pipeline(self.pipeline, None) };
     }
 }
