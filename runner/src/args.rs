@@ -45,6 +45,28 @@ Examples:
   runner run forest --variant all -o out/all.json
   runner run city --variant 'Wide4*' --set cbtc.threshold=16 --set cbtc.subsampling=100";
 
+const SWEEP_EXAMPLES: &str = "\
+Examples:
+  runner sweep configs/quick.toml --plan
+  runner sweep configs/quick.toml -o out/quick
+  runner sweep configs/workgroup.toml --only scene=sponza --only 'variant=Wide4*' -o out/wg
+  runner sweep configs/overall.toml --include configs/tuned/my-gpu.toml --set samples=15 -o out/overall
+  runner sweep configs/workgroup.toml --shard 2/4 -o out/wg-2";
+
+const MERGE_EXAMPLES: &str = "\
+Examples:
+  runner merge out/wg-1 out/wg-2 out/wg-3 out/wg-4 -o out/wg.json";
+
+const BEST_EXAMPLES: &str = "\
+Examples:
+  runner best out/wg/record.json
+  runner best out/costs -o configs/tuned/my-gpu.toml";
+
+const TUNE_EXAMPLES: &str = "\
+Examples:
+  runner tune sphereflake --variant Wide4 --size 160x90 -o out/tuned.toml
+  runner tune sponza kitchen --variant all -o configs/tuned/my-gpu.toml";
+
 const RENDER_EXAMPLES: &str = "\
 Examples:
   runner render forest --samples 256 -o out/forest.png
@@ -103,6 +125,29 @@ pub enum Command {
     /// Measure: build each scene's BVH, trace paths from its views, print a table, write a record
     #[command(after_help = RUN_EXAMPLES)]
     Run(Run),
+    /// Measure every point of an experiment, so that nothing is lost when it is stopped
+    ///
+    /// Each finished point is added to a journal at once; the same command goes on where it was stopped. Ctrl-C
+    /// finishes the running point, a second one stops at once. Points are shuffled, and one of them is measured
+    /// again and again, so that a change of the device over time neither favours anybody nor stays unseen.
+    #[command(after_help = SWEEP_EXAMPLES)]
+    Sweep(Sweep),
+    /// Join the shares of a sweep that several machines have measured
+    #[command(after_help = MERGE_EXAMPLES)]
+    Merge(Merge),
+    /// Say which value of each axis of a sweep is best for each variant, and how sure that is
+    ///
+    /// In each scene, the rate with a value is divided by the best rate that any value has there. The value with
+    /// the largest minimum over the scenes is best, and among equal ones the one with the largest mean. A workgroup
+    /// size for primary rays is judged by those alone, one for secondary rays likewise.
+    #[command(after_help = BEST_EXAMPLES)]
+    Best(Best),
+    /// Find good workgroup sizes and a good traversal cost without measuring all combinations
+    ///
+    /// Successive halving: all combinations of nine sizes and six costs get one sample a view, the better half gets
+    /// as many again, and so on.
+    #[command(after_help = TUNE_EXAMPLES)]
+    Tune(Tune),
     /// Render a picture, or the cost of each pixel
     #[command(after_help = RENDER_EXAMPLES)]
     Render(Render),
@@ -200,6 +245,130 @@ pub struct Run {
     /// Put this computer's name into the record
     #[arg(long)]
     pub host_name: bool,
+}
+
+/// What `sweep` measures.
+#[derive(Debug, Args)]
+pub struct Sweep {
+    /// The experiment, such as `configs/quick.toml`; configs/README.md explains the format
+    #[arg(value_name = "CONFIG.toml")]
+    pub config: PathBuf,
+    /// Only print the points that are left to measure, and about how long they take
+    #[arg(long)]
+    pub plan: bool,
+    /// Folder of the journal and the record; a sweep that was stopped goes on there
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub tuning: Tuning,
+    /// Only points with this value of an axis; scene, variant and view are axes too. Several values of one axis
+    /// add up
+    #[arg(long, value_name = "AXIS=VALUE")]
+    pub only: Vec<String>,
+    /// Take another config's settings where this one has none, such as configs/tuned/DEVICE.toml
+    #[arg(long, value_name = "CONFIG.toml")]
+    pub include: Vec<PathBuf>,
+    /// Measure share I of N, the same at all times; `runner merge` joins them
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<crate::sweep::Shard>,
+    /// Print what happens, and with --plan the points, as lines of JSON
+    #[arg(long)]
+    pub json: bool,
+    /// What the GPU is locked to: samples far below it are left out of the means. Without it, its base clock
+    #[arg(long, value_name = "MHZ", value_parser = clap::value_parser!(u32).range(1..))]
+    pub locked_clock: Option<u32>,
+    /// Put this computer's name into the record
+    #[arg(long)]
+    pub host_name: bool,
+}
+
+/// What `merge` joins.
+#[derive(Debug, Args)]
+pub struct Merge {
+    /// Folders that `sweep -o` wrote
+    #[arg(required = true, value_name = "DIR")]
+    pub folders: Vec<PathBuf>,
+    /// Where the record goes
+    #[arg(short, long, value_name = "RECORD.json")]
+    pub output: PathBuf,
+    /// Join what differs in device, driver, clocks, shaders or settings, and take the first of what is there twice
+    #[arg(long)]
+    pub anyway: bool,
+    /// Write a record although points are missing
+    #[arg(long)]
+    pub incomplete: bool,
+}
+
+/// What `best` judges.
+#[derive(Debug, Args)]
+pub struct Best {
+    /// A record, or the folder of a sweep
+    #[arg(value_name = "RECORD.json")]
+    pub record: PathBuf,
+    /// Which rays decide on axes that concern both kinds; whole paths when left out
+    #[arg(long, value_enum)]
+    pub rays: Option<Kind>,
+    /// Write the best values as a config that others include, such as configs/tuned/DEVICE.toml
+    #[arg(short, long, value_name = "FILE.toml")]
+    pub output: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A kind of rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Kind {
+    /// From the camera
+    Primary,
+    /// Of all bounces
+    Secondary,
+    /// Of whole paths
+    All,
+}
+
+impl From<Kind> for record::Rays {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Primary => Self::Primary,
+            Kind::Secondary => Self::Secondary,
+            Kind::All => Self::All,
+        }
+    }
+}
+
+/// What `tune` looks for.
+#[derive(Debug, Args)]
+pub struct Tune {
+    /// Scenes to be fast in
+    #[arg(required = true, value_name = "SCENE")]
+    pub scenes: Vec<String>,
+    /// Variants to tune, one after the other; `*` stands for anything, `all` for every variant
+    #[arg(long, value_name = "NAME", default_value = "Binary")]
+    pub variant: Vec<String>,
+    /// Views, by number or name, such as `0,3` or `0-3`; all when left out
+    #[arg(long, value_name = "LIST")]
+    pub views: Option<String>,
+    /// Samples a view that the last contenders get, and each combination would get in the full grid
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
+    pub samples: u32,
+    /// Picture size; 1920x1080 on a GPU and 320x180 on a CPU driver when left out
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+    /// Most rays in a path, the primary ray included
+    #[arg(long, value_name = "D", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub depth: u32,
+    /// Seed of all random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u32,
+    #[command(flatten)]
+    pub tuning: Tuning,
+    /// What the GPU is locked to: samples far below it are left out. Without it, its base clock
+    #[arg(long, value_name = "MHZ", value_parser = clap::value_parser!(u32).range(1..))]
+    pub locked_clock: Option<u32>,
+    /// Where the best values go, as a config that others include; it is written anew after each round
+    #[arg(short, long, value_name = "FILE.toml")]
+    pub output: Option<PathBuf>,
 }
 
 /// Parameters of the stages.

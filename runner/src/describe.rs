@@ -1,6 +1,5 @@
 //! What the tracer and this program know, in the record's words.
 
-use crate::params::Params;
 use record::{Phase, Repetition, Source};
 use std::collections::BTreeMap;
 use tracer::{
@@ -9,15 +8,6 @@ use tracer::{
     measure::tree::TreeStats,
     scene::{Origin, Scene},
 };
-
-/// All parameters by their dotted names.
-pub fn parameters(params: &Params) -> anyhow::Result<record::Parameters> {
-    let mut flat = record::Parameters::default();
-    for (stage, value) in serde_json::to_value(params)?.as_object().into_iter().flatten() {
-        flat.add(stage, value)?;
-    }
-    Ok(flat)
-}
 
 /// One build.
 pub fn repetition(report: &BuildReport) -> Repetition {

@@ -1,11 +1,8 @@
 //! Command line of runner: builds BVHs, traces rays, measures both, and writes a benchmark record.
 
 mod args;
+mod best;
 mod commands;
-#[cfg_attr(
-    not(test),
-    expect(dead_code, unused_imports, reason = "`runner sweep` will measure what it reads")
-)]
 mod config;
 mod describe;
 mod host;
@@ -17,8 +14,11 @@ mod rayfile;
 mod resources;
 mod run;
 mod session;
+mod sweep;
 mod table;
 mod telemetry;
+mod tune;
+mod tuned;
 mod validate;
 mod variant;
 
@@ -32,6 +32,10 @@ fn main() -> ExitCode {
         Command::Devices { json } => commands::devices(*json),
         Command::Scenes { json } => commands::scenes(&cli.global, *json),
         Command::Run(run) => run::run(&cli.global, run),
+        Command::Sweep(arguments) => sweep::sweep(&cli.global, arguments),
+        Command::Merge(arguments) => sweep::merge(&cli.global, arguments),
+        Command::Best(arguments) => best::best(&cli.global, arguments),
+        Command::Tune(arguments) => tune::tune(&cli.global, arguments),
         Command::Render(render) => commands::render(&cli.global, render),
         Command::Rays(rays) => commands::rays(&cli.global, rays),
         Command::Trace(trace) => commands::trace(&cli.global, trace),

@@ -43,9 +43,10 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
         busy_before_view: if defaults.cpu { Duration::ZERO } else { WARM_UP_VIEW_TIME },
         sampling: Sampling::exactly(run.samples.unwrap_or(if defaults.cpu { 3 } else { 15 })),
         clock: clock(&telemetry, run.locked_clock, LEAST_CLOCK),
+        counting: true,
     };
     let mut record = begin(&session, &plan, run.host_name);
-    record.parameters = describe::parameters(&params[0])?;
+    record.parameters = params[0].by_name();
 
     let bar = bar(0, session.quiet);
     let mut writer = Writer { record, output: run.output.as_deref() };

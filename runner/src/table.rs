@@ -2,7 +2,7 @@
 
 use crate::variant::Variant;
 use comfy_table::{CellAlignment, Table};
-use record::{Point, Record};
+use record::{Point, Rays, Record};
 use std::fmt::Write;
 
 /// Rates, costs and build times of every point, which variant wins and why, and what the columns mean.
@@ -101,9 +101,10 @@ pub fn summary(record: &Record) -> String {
          B/ray: bytes of nodes and triangles a ray asks for. build ms: median, from triangles in device memory to\n\
          nodes that can be traversed; by view: tracing sample rays + both builds.\n\
          {} × {} pixels, at most {} rays a path, on {}. Triangles: {}.",
-        match record.run.samples {
-            1 => "one sample".to_owned(),
-            n => format!("{n} samples"),
+        match (&record.run.stopping, record.run.samples) {
+            (Some(stopping), most) => format!("{} to {most} samples", stopping.least),
+            (None, 1) => "one sample".to_owned(),
+            (None, n) => format!("{n} samples"),
         },
         if many { "×: relative to Binary" } else { "SAH: the tree's cost by the surface area heuristic" },
         record.run.width,
@@ -113,6 +114,70 @@ pub fn summary(record: &Record) -> String {
         triangles.join(", ")
     );
     text
+}
+
+/// What a sweep found: as [`summary`] does where it has no axes, and otherwise a row for each point, with how sure
+/// its rates are. Then whether the device drifted, and what cannot be relied upon.
+pub fn sweep(record: &Record) -> String {
+    let axes = record.sweep.as_ref().map_or(&[][..], |sweep| &sweep.axes);
+    let mut text = if axes.is_empty() { summary(record) } else { points(record, axes) };
+    for drift in record.drifts() {
+        let part = if record.parts.len() > 1 { format!(" of part {}", drift.part) } else { String::new() };
+        let verdict = if drift.significant() { "The device drifted" } else { "No drift is to be seen" };
+        let _ = write!(
+            text,
+            "\n{verdict}: {} rays of the reference point{part}, {} times, rank correlation with time {:+.2} (p = {:.2}), \
+             last over first {:.3}.",
+            drift.rays,
+            drift.count,
+            drift.correlation.coefficient,
+            drift.correlation.probability,
+            drift.change
+        );
+    }
+    let unreliable: Vec<String> = (record.results.iter())
+        .filter(|point| point.measurement.as_ref().is_some_and(|measurement| measurement.unreliable))
+        .map(|point| format!("{}, {}", point.scene.name, point.variant))
+        .collect();
+    if !unreliable.is_empty() {
+        let _ = write!(text, "\nUnreliable, because too few samples count: {}.", unreliable.join("; "));
+    }
+    text
+}
+
+fn points(record: &Record, axes: &[String]) -> String {
+    let mut header = vec!["scene", "variant"];
+    header.extend(axes.iter().map(String::as_str));
+    header.extend(["samples", "pMRps", "±", "sMRps", "±", "build ms", "stopped"]);
+    let mut rows = table(&header);
+    for point in &record.results {
+        let parameters = record.parameters_of(point);
+        let mut row = vec![point.scene.name.clone(), point.variant.clone()];
+        row.extend(axes.iter().map(|axis| parameters.get(axis).map_or("–".into(), ToString::to_string)));
+        let counted: usize = point.views.iter().map(|view| view.counted().count()).sum();
+        let all: usize = point.views.iter().map(|view| view.samples.len()).sum();
+        row.push(if counted == all { all.to_string() } else { format!("{counted} of {all}") });
+        for rays in [Rays::Primary, Rays::Secondary] {
+            row.push(number(point.rate(rays)));
+            let width = point.estimate(rays).map(|e| format!("{:.1}%", 100.0 * e.relative_half_width()));
+            row.push(width.unwrap_or_else(|| "–".into()));
+        }
+        row.push(number(point.build_milliseconds()));
+        let stopped = point.measurement.as_ref().map(|measurement| format!("{:?}", measurement.stopped));
+        row.push(stopped.map_or("–".into(), |stopped| stopped.to_lowercase()));
+        rows.add_row(row);
+    }
+    align(&mut rows, &[0, 1, header.len() - 1]);
+    format!(
+        "{}\n\nsamples: of all views together, and how many of them count. pMRps, sMRps: million primary and secondary\n\
+         rays a second by the traversal kernel's time alone, ± half the width of the 95% confidence interval.\n\
+         {} × {} pixels, at most {} rays a path, on {}.",
+        shown(&rows),
+        record.run.width,
+        record.run.height,
+        record.run.depth,
+        record.device.name
+    )
 }
 
 /// The point of the same scene that others are compared with.
@@ -203,7 +268,7 @@ pub fn align(table: &mut Table, texts: &[usize]) {
 }
 
 /// Four significant digits, or a dash.
-fn number(value: Option<f64>) -> String {
+pub fn number(value: Option<f64>) -> String {
     match value {
         None => "–".into(),
         Some(x) => {

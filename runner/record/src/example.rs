@@ -42,7 +42,7 @@ pub fn example() -> Record {
         sweep: Some(Sweep {
             title: "Traversal cost".into(),
             axes: vec!["collapse.c_t".into()],
-            config: serde_json::json!({ "title": "Traversal cost" }),
+            config: serde_json::json!({ "settings": { "depth": 3 }, "defaults": {}, "points": {} }),
             order_seed: 1,
             points: 2,
             shard: Some("1/1".into()),

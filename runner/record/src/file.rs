@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The file could not be read.
-    #[error("cannot read {path}: {source}", path = path.display())]
+    #[error("cannot read {path}", path = path.display())]
     Read {
         /// The file.
         path: PathBuf,
@@ -16,7 +16,7 @@ pub enum Error {
         source: io::Error,
     },
     /// The file could not be written; what was there before is still there.
-    #[error("cannot write {path}: {source}", path = path.display())]
+    #[error("cannot write {path}", path = path.display())]
     Write {
         /// The file.
         path: PathBuf,
@@ -24,7 +24,7 @@ pub enum Error {
         source: io::Error,
     },
     /// The file holds something else.
-    #[error("{path} is no benchmark record: {source}", path = path.display())]
+    #[error("{path} is no benchmark record", path = path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -100,8 +100,12 @@ impl Record {
     }
 }
 
-/// Replaces a file by what `fill` writes, all of it or nothing.
-fn replace(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+/// Replaces a file by what `fill` writes, all of it or nothing: into a temporary file beside it, flushed to the
+/// disk, then renamed. Makes the folders that are missing.
+///
+/// # Errors
+/// The system refused; what was there before still is.
+pub fn replace(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),

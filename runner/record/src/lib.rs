@@ -35,7 +35,7 @@ mod validate;
 pub use derived::{PerRay, Rays, mean};
 pub use device::{Device, DeviceKind, Driver, Heap, Limits};
 pub use example::example;
-pub use file::Error;
+pub use file::{Error, replace};
 pub use host::{Commit, Host, Tool};
 pub use kernel::{Kernel, OccupancyLimit};
 pub use parameters::{Parameters, Value};

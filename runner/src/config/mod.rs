@@ -30,7 +30,6 @@ mod tests;
 pub use experiment::Experiment;
 pub use set::Set;
 pub use setup::Setup;
-pub use when::When;
 
 use crate::{args::Size, variant::Variant};
 use anyhow::bail;
@@ -140,6 +139,11 @@ pub fn json_schema() -> &'static serde_json::Value {
 }
 
 impl Config {
+    /// The parameters that are varied, each once.
+    pub fn axis_names(&self) -> Vec<String> {
+        self.axes.iter().map(|axis| axis.parameter.clone()).collect()
+    }
+
     /// Reads an experiment. `includes` are taken as if its `include` ended with them, but from where runner
     /// was started; `overrides` are NAME=VALUE of settings and parameters, and win over everything.
     ///

@@ -1,6 +1,6 @@
 //! Configs as their users meet them: files in, points or messages out.
 
-use super::{document::Document, *};
+use super::{document::Document, when::When, *};
 use record::Parameters;
 use serde_json::Value;
 use std::{collections::BTreeSet, fs};

@@ -42,6 +42,8 @@ pub struct Plan {
     pub sampling: Sampling,
     /// What a sample's clock is held against.
     pub clock: Option<record::Clock>,
+    /// Whether to count what rays meet as well.
+    pub counting: bool,
 }
 
 /// One scene with one variant and its parameters.
@@ -102,7 +104,7 @@ impl Measuring<'_> {
             self.session.plant(self.loaded, self.variant, self.params, warm_up, plan.builds, |report| {
                 repetitions.push(describe::repetition(report));
             })?;
-        let mut parameters = describe::parameters(self.params)?;
+        let mut parameters = self.params.by_name();
         parameters.0.retain(|name, value| self.common.get(name) != Some(value));
         let mut point = Point {
             scene: describe::scene(scene),
@@ -177,7 +179,7 @@ impl Measuring<'_> {
                     seen.pop();
                     break 'rounds Stop::Interrupted;
                 }
-                if first {
+                if first && plan.counting {
                     let counts = tracer.count(&kernels.counting, &tree, &own.camera, 0)?;
                     let depths = counts.iter().map(|c| Count {
                         rays: c.rays,
