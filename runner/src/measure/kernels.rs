@@ -27,7 +27,14 @@ impl Kernels {
             }
             traverse::Kernels::Single => Timed::Single(SingleKernel::new(&session.gpu, &params.trace, tree)?),
         };
-        Ok(Self { timed, counting: session.traversal(tree, params, Counting::Rays)? })
+        // What a ray meets is the same in workgroups of any size: those that count need not be compiled for each.
+        let usual = traverse::Params::default();
+        let trace = traverse::Params {
+            primary_subgroups: usual.primary_subgroups,
+            secondary_subgroups: usual.secondary_subgroups,
+            ..params.trace.clone()
+        };
+        Ok(Self { timed, counting: Traversal::new(&session.gpu, &trace, tree, Counting::Rays)? })
     }
 
     /// Entries of the traversal stack they were compiled with.

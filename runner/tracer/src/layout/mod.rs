@@ -165,7 +165,7 @@ pub struct Child {
 /// How nodes are stored.
 pub trait NodeLayout {
     /// One node's bytes.
-    type Node: Pod;
+    type Node: Pod + Send + Sync;
     /// As it appears in messages.
     const NAME: &'static str;
     /// Whether boxes are stored as they are; otherwise what is decoded contains the exact ones.

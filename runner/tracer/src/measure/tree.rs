@@ -5,6 +5,7 @@ use crate::{
     collapse::CollapseParams,
     layout::{LeafTriangle, NodeLayout, Target, children},
 };
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// A tree in numbers.
@@ -39,6 +40,39 @@ pub struct TreeStats {
     pub sah_intersection: f64,
 }
 
+/// Nodes that a thread takes at a time.
+const PART: usize = 4096;
+
+/// What is added up over nodes.
+struct Sums {
+    /// Areas of nodes.
+    traversal: f64,
+    /// Areas of leaves times their triangles.
+    intersection: f64,
+    /// Nodes by number of children.
+    children: Vec<u64>,
+    /// Leaves by number of triangles.
+    triangles: Vec<u64>,
+}
+
+impl Sums {
+    fn new<L: NodeLayout>() -> Self {
+        Self {
+            traversal: 0.0,
+            intersection: 0.0,
+            children: vec![0; L::LIMITS.children + 1],
+            triangles: vec![0; L::LIMITS.triangles_per_leaf + 1],
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.traversal += other.traversal;
+        self.intersection += other.intersection;
+        self.children.iter_mut().zip(&other.children).for_each(|(sum, count)| *sum += count);
+        self.triangles.iter_mut().zip(&other.triangles).for_each(|(sum, count)| *sum += count);
+    }
+}
+
 /// Walks a tree from its root; nodes are stored `stride` bytes apart, `costs` weighs them against triangles.
 ///
 /// The tree is taken to be valid: see [`crate::validate::layout`].
@@ -48,30 +82,47 @@ pub fn stats<L: NodeLayout>(nodes: &[L::Node], stride: usize, costs: &CollapsePa
         let e: [f64; 3] = std::array::from_fn(|i| f64::from(b.hi[i]) - f64::from(b.lo[i]));
         e[0] * e[1] + e[1] * e[2] + e[2] * e[0]
     };
-    let mut children_histogram = vec![0; L::LIMITS.children + 1];
-    let mut triangles_histogram = vec![0; L::LIMITS.triangles_per_leaf + 1];
-    let (mut traversal, mut intersection) = (0.0, 0.0);
-    let (mut leaves, mut triangles, mut depth) = (0, 0, 0);
     let root = children::<L>(&nodes[0]).fold(Aabb::EMPTY, |b, c| b.union(&c.bounds));
-    let mut stack = vec![(0u32, 1, area(&root))];
-    while let Some((index, at, own_area)) = stack.pop() {
-        depth = depth.max(at);
-        traversal += own_area;
-        let mut count = 0;
-        for child in children::<L>(&nodes[index as usize]) {
-            count += 1;
-            match child.target {
-                Target::Node(node) => stack.push((node, at + 1, area(&child.bounds))),
-                Target::Leaf { count, .. } => {
-                    leaves += 1;
-                    triangles += u64::from(count);
-                    triangles_histogram[count as usize] += 1;
-                    intersection += area(&child.bounds) * f64::from(count);
+    let mut sums = Sums::new::<L>();
+    sums.traversal = area(&root);
+    let mut depth = 0;
+    // A level after the other, each in parts of a fixed size that are added in order: the sums do not depend on
+    // the number of threads.
+    let mut level = vec![0u32];
+    while !level.is_empty() {
+        depth += 1;
+        let parts: Vec<(Sums, Vec<u32>)> = (level.par_chunks(PART))
+            .map(|part| {
+                let (mut sums, mut next) = (Sums::new::<L>(), Vec::new());
+                for &index in part {
+                    let mut count = 0;
+                    for child in children::<L>(&nodes[index as usize]) {
+                        count += 1;
+                        match child.target {
+                            Target::Node(node) => {
+                                sums.traversal += area(&child.bounds);
+                                next.push(node);
+                            }
+                            Target::Leaf { count, .. } => {
+                                sums.triangles[count as usize] += 1;
+                                sums.intersection += area(&child.bounds) * f64::from(count);
+                            }
+                        }
+                    }
+                    sums.children[count] += 1;
                 }
-            }
+                (sums, next)
+            })
+            .collect();
+        level.clear();
+        for (part, next) in parts {
+            sums.add(&part);
+            level.extend(next);
         }
-        children_histogram[count] += 1;
     }
+    let Sums { traversal, intersection, children: children_histogram, triangles: triangles_histogram } = sums;
+    let leaves = triangles_histogram.iter().sum();
+    let triangles = triangles_histogram.iter().zip(0..).map(|(leaves, count)| leaves * count).sum();
     // Where the whole scene has no area, no ray meets it: what is inside costs nothing.
     let per_ray = |sum: f64, cost: f32| {
         let total = area(&root);

@@ -176,6 +176,18 @@ struct ShadeArguments {
     last: u32,
 }
 
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct SumArguments {
+    counts: u64,
+    sums: u64,
+    rays: u32,
+    invocations: u32,
+}
+
+/// Rays whose costs one invocation adds up. Each may cost 2²⁷ before 32 bits overflow.
+const RAYS_A_SUM: usize = 32;
+
 /// `Path` in `scene.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -246,9 +258,44 @@ pub struct PathTracer<'s> {
     rays: [Buffer; 2],
     paths: [Buffer; 2],
     hits: Buffer,
-    counts: Option<Buffer>,
+    counting: Option<Counting>,
     queues: Buffer,
     image: Buffer,
+}
+
+/// Room for what each ray costs, and for the sums over some of them.
+#[derive(Debug)]
+struct Counting {
+    counts: Buffer,
+    sums: Buffer,
+    sum: Kernel,
+}
+
+impl Counting {
+    fn new(gpu: &Gpu, pixels: u64) -> Result<Self, Error> {
+        let size = size_of::<Counts>() as u64;
+        let kernel = Kernel::new(gpu, &shaders::PATH_SUM, STAGE_SUBGROUPS * gpu.info().subgroup_size, &[])?;
+        Ok(Self {
+            counts: gpu.buffer("ray counters", pixels * size)?,
+            sums: gpu.buffer("sums of ray counters", pixels.div_ceil(RAYS_A_SUM as u64) * size)?,
+            sum: kernel,
+        })
+    }
+
+    /// Costs of the first `rays` rays, each item over some of them.
+    fn sums(&self, gpu: &Gpu, rays: usize) -> Result<Vec<Counts>, Error> {
+        let invocations = rays.div_ceil(RAYS_A_SUM);
+        let arguments = SumArguments {
+            counts: self.counts.address(),
+            sums: self.sums.address(),
+            rays: rays as u32,
+            invocations: invocations as u32,
+        };
+        let mut pass = Pass::new(gpu)?;
+        pass.dispatch("sum", &self.sum, &arguments, groups(invocations, self.sum.workgroup_size()));
+        pass.submit()?;
+        Ok(self.sums.read(0, invocations)?)
+    }
 }
 
 /// Pixels along the Z-order curve, row-major indices.
@@ -256,7 +303,7 @@ fn z_order(width: u32, height: u32) -> Vec<u32> {
     let spread = |v: u32| (0..16).fold(0u64, |code, bit| code | (u64::from(v >> bit & 1) << (2 * bit)));
     let (xs, ys): (Vec<_>, Vec<_>) = ((0..width).map(spread).collect(), (0..height).map(spread).collect());
     let mut order: Vec<u32> = (0..width * height).collect();
-    order.sort_unstable_by_key(|p| xs[(p % width) as usize] | (ys[(p / width) as usize] << 1));
+    order.par_sort_unstable_by_key(|p| xs[(p % width) as usize] | (ys[(p / width) as usize] << 1));
     order
 }
 
@@ -281,7 +328,6 @@ impl<'s> PathTracer<'s> {
         }
         let rays = || gpu.buffer("rays", pixels * size_of::<Ray>() as u64);
         let paths = || gpu.buffer("paths", pixels * size_of::<PathState>() as u64);
-        let counts = || gpu.buffer("ray counters", pixels * size_of::<Counts>() as u64);
         Ok(Self {
             generate: Kernel::new(gpu, &shaders::PATH_GENERATE, size, &[])?,
             shade: Kernel::new(gpu, &shaders::PATH_SHADE, size, &[])?,
@@ -290,7 +336,7 @@ impl<'s> PathTracer<'s> {
             rays: [rays()?, rays()?],
             paths: [paths()?, paths()?],
             hits: gpu.buffer("hits", pixels * size_of::<Hit>() as u64)?,
-            counts: if counting { Some(counts()?) } else { None },
+            counting: if counting { Some(Counting::new(gpu, pixels)?) } else { None },
             queues: gpu.buffer("queues", u64::from(params.depth + 1) * size_of::<Queue>() as u64)?,
             image: gpu.buffer("the picture", pixels * 16)?,
             gpu: gpu.clone(),
@@ -350,7 +396,7 @@ impl<'s> PathTracer<'s> {
             rays: self.rays[depth % 2].address(),
             hits: self.hits.address(),
             queue: self.queue(depth),
-            counts: self.counts.as_ref().map_or(0, Buffer::address),
+            counts: self.counting.as_ref().map_or(0, |counting| counting.counts.address()),
             visits: visits.map_or(0, Buffer::address),
         };
         traversal.record(pass, &format!("trace {depth}"), Wave::at(depth), tree, &buffers, self.pixels());
@@ -475,8 +521,8 @@ impl<'s> PathTracer<'s> {
             sorted.par_sort_unstable_by_key(|&i| self.places[paths[i].pixel as usize]);
             let rays: Vec<Ray> = self.rays[now].read(0, count)?;
             let hits: Vec<Hit> = self.hits.read(0, count)?;
-            let counts: Vec<Counts> = match &self.counts {
-                Some(counts) => counts.read(0, count)?,
+            let counts: Vec<Counts> = match &self.counting {
+                Some(counting) => counting.counts.read(0, count)?,
                 None => Vec::new(),
             };
             Ok(look(Wavefront {
@@ -533,12 +579,12 @@ impl<'s> PathTracer<'s> {
         camera: &Camera,
         sample: u32,
     ) -> Result<Vec<WaveCounts>, Error> {
-        let buffer = self.counts.as_ref().expect("the tracer was made for counting");
+        let counting = self.counting.as_ref().expect("the tracer was made for counting");
         let mut waves = Vec::new();
         self.each_depth(traversal, tree, camera, sample, |depth, rays| {
-            let counts: Vec<Counts> = buffer.read(0, rays)?;
-            let sum = |of: fn(&Counts) -> u32| counts.par_iter().map(|c| u64::from(of(c))).sum();
             if rays > 0 {
+                let counts = counting.sums(&self.gpu, rays)?;
+                let sum = |of: fn(&Counts) -> u32| counts.iter().map(|c| u64::from(of(c))).sum();
                 debug_assert_eq!(waves.len(), depth);
                 waves.push(WaveCounts {
                     rays: rays as u64,
@@ -590,6 +636,12 @@ mod tests {
             .assert_block("Queue", &queue);
         let shade = fields!(ShadeArguments: rays, hits, paths, queue, next_rays, next_paths, next_queue,
             scene, image, sample, depth, seed, last);
+        let sum = fields!(SumArguments: counts, sums, rays, invocations);
+        Module::read(&shaders::PATH_SUM).assert_push_constants(size_of::<SumArguments>(), &sum).assert_items(
+            "Sums",
+            size_of::<Counts>(),
+            None,
+        );
         let scene = fields!(SceneInfo: positions, material_ids, materials, zenith, horizon, ground, extent);
         let material =
             [("albedo", 0), ("emission", 12)].map(|(name, offset)| Field { name, offset, size: 12 });
@@ -603,6 +655,34 @@ mod tests {
             .assert_items("Materials", 24, Some(&material))
             .assert_items("Positions", 12, None)
             .assert_items("Image", 16, None);
+    }
+
+    /// The kernel that adds up what rays cost, held against its twin: a plain sum.
+    #[test]
+    fn what_rays_cost_is_added_up_to_the_last_ray() {
+        let gpu = Gpu::open(&crate::gpu::Options::default()).unwrap();
+        // One ray, as many as an invocation adds up, one fewer and one more, and many; costs up to the largest.
+        for rays in [1usize, 31, 32, 33, 1000, 70_001] {
+            let counting = Counting::new(&gpu, rays as u64).unwrap();
+            let mut random = 1u32;
+            let mut next = || {
+                random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                (random >> 5) % (1 << 27)
+            };
+            let costs: Vec<Counts> = (0..rays)
+                .map(|_| Counts { nodes: next(), boxes: next(), triangles: next(), unused: 0 })
+                .collect();
+            counting.counts.write(&costs).unwrap();
+            // What is behind the last ray does not count.
+            for traced in [rays, rays.div_ceil(2)] {
+                let sums = counting.sums(&gpu, traced).unwrap();
+                assert_eq!(sums.len(), traced.div_ceil(RAYS_A_SUM));
+                for of in [|c: &Counts| c.nodes, |c: &Counts| c.boxes, |c: &Counts| c.triangles] {
+                    let sum = |all: &[Counts]| all.iter().map(|c| u64::from(of(c))).sum::<u64>();
+                    assert_eq!(sum(&sums), sum(&costs[..traced]), "{traced} of {rays}");
+                }
+            }
+        }
     }
 
     #[test]
