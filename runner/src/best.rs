@@ -106,7 +106,7 @@ pub fn best(global: &Global, arguments: &args::Best) -> anyhow::Result<()> {
         let head = format!(
             "Best values on {}, driver {}.\nFrom {title}, begun {}, {}x{}, over {}.",
             record.device.name,
-            record.device.driver.version,
+            record.device.driver.info,
             record.started,
             record.run.width,
             record.run.height,
@@ -167,8 +167,8 @@ pub fn choices(record: &Record, rays: Option<Rays>) -> (Vec<Choice>, Vec<String>
                     )),
                 }
             }
-            for scene in tried.drop_incomplete() {
-                notes.push(format!("{scene}, {variant}: left out for {axis}, because values are missing"));
+            for what in tried.drop_incomplete() {
+                notes.push(format!("{what}, {variant}: left out for {axis}, because not all was measured"));
             }
             if tried.values.len() > 1
                 && let Some(choice) = tried.choose()
@@ -218,12 +218,21 @@ impl Tried {
         }
     }
 
-    /// Drops scenes that lack a value, and names them.
+    /// Drops scenes that lack a value or, where that would leave none, values that a scene lacks; names them.
     fn drop_incomplete(&mut self) -> Vec<String> {
         let mut scenes: Vec<String> = self.values.iter().flat_map(|(_, s)| s.keys().cloned()).collect();
         scenes.sort();
         scenes.dedup();
-        scenes.retain(|scene| self.values.iter().any(|(_, of)| !of.contains_key(scene)));
+        let whole = |scene: &String| self.values.iter().all(|(_, of)| of.contains_key(scene));
+        if !scenes.iter().any(whole) {
+            let (kept, dropped) = std::mem::take(&mut self.values)
+                .into_iter()
+                .partition(|(_, of)| scenes.iter().all(|scene| of.contains_key(scene)));
+            self.values = kept;
+            let dropped: Vec<(Value, _)> = dropped;
+            return dropped.into_iter().map(|(value, _)| value.to_string()).collect();
+        }
+        scenes.retain(|scene| !whole(scene));
         for (_, of) in &mut self.values {
             of.retain(|scene, _| !scenes.contains(scene));
         }
@@ -427,6 +436,23 @@ mod tests {
         assert_eq!(choices[0].scenes, ["a"]);
         assert_eq!(choices[0].second.as_ref().unwrap().significant(), None, "one sample tells no scatter");
         assert!(notes.iter().any(|note| note.starts_with("b,")), "{notes:?}");
+    }
+
+    #[test]
+    fn where_no_scene_has_all_values_those_are_compared_that_all_scenes_have() {
+        let (few, many) = ([90.0, 90.1], [100.0, 100.1]);
+        let record = record(&[
+            ("a", 2, &many),
+            ("a", 4, &few),
+            ("a", 8, &many),
+            ("b", 2, &many),
+            ("b", 4, &few),
+            ("b", 16, &many),
+        ]);
+        let (choices, notes) = choices(&record, None);
+        assert_eq!((choices[0].value.to_string().as_str(), choices[0].scenes.len()), ("2", 2));
+        assert_eq!(choices[0].second.as_ref().unwrap().value.to_string(), "4");
+        assert_eq!(notes.len(), 2, "{notes:?}");
     }
 
     #[test]

@@ -139,7 +139,7 @@ fn write(arguments: &args::Tune, session: &Session, size: Size, sets: &[Tuned]) 
     let head = format!(
         "Good values on {}, driver {}, found by halving at {}x{} over {}.",
         info.name,
-        info.driver_version,
+        info.driver_info,
         size.width,
         size.height,
         arguments.scenes.join(", ")
@@ -158,6 +158,8 @@ struct Tuning<'a> {
     /// Samples of a view that the full grid would give each combination.
     samples: u32,
     arms: Vec<Arm>,
+    /// Those that are still in the race.
+    left: Vec<usize>,
     /// Samples traced, those that do not count included.
     spent: u64,
 }
@@ -206,6 +208,7 @@ impl<'a> Tuning<'a> {
             variant,
             plan,
             samples: arguments.samples,
+            left: (0..arms.len()).collect(),
             arms,
             spent: 0,
         })
@@ -223,16 +226,15 @@ impl<'a> Tuning<'a> {
         &mut self,
         mut each: impl FnMut(&Found, &str) -> anyhow::Result<()>,
     ) -> anyhow::Result<Option<(Found, String)>> {
-        let mut active: Vec<usize> = (0..self.arms.len()).collect();
         let mut samples = 1.min(self.samples);
         let mut had = 0;
         let mut best = None;
         loop {
-            let bar = bar((active.len() * self.scenes.len()) as u64, self.session.quiet);
+            let bar = bar((self.left.len() * self.scenes.len()) as u64, self.session.quiet);
             let variant = self.variant;
-            bar.set_message(format!("{variant}: {} combinations, {samples} samples a view", active.len()));
+            bar.set_message(format!("{variant}: {} combinations, {samples} samples a view", self.left.len()));
             for scene in 0..self.scenes.len() {
-                for &arm in &active {
+                for arm in self.left.clone() {
                     self.measure(arm, scene, samples - had)?;
                     bar.inc(1);
                     if interrupted() {
@@ -243,15 +245,14 @@ impl<'a> Tuning<'a> {
             }
             bar.finish_and_clear();
             had = samples;
-            let arms: Vec<Tried> = active
-                .iter()
+            let arms: Vec<Tried> = (self.left.iter())
                 .map(|&arm| {
                     let arm = &self.arms[arm];
                     (arm.subgroups, arm.cost, arm.times.iter().map(|views| averaged(views)).collect())
                 })
                 .collect();
             let found = choose(&arms);
-            let last = active.len() <= FEWEST || samples >= self.samples;
+            let last = self.left.len() <= FEWEST || samples >= self.samples;
             let comment = format!(
                 "{} of the grid's {} samples{}",
                 thousands(self.spent),
@@ -263,14 +264,14 @@ impl<'a> Tuning<'a> {
             if last {
                 return Ok(best);
             }
-            let mut ranked: Vec<(usize, f64)> = active.iter().copied().zip(worth(&arms)).collect();
+            let mut ranked: Vec<(usize, f64)> = self.left.iter().copied().zip(worth(&arms)).collect();
             ranked.sort_by(|(_, a), (_, b)| b.total_cmp(a));
-            ranked.truncate(active.len().div_ceil(2).max(FEWEST));
+            ranked.truncate(self.left.len().div_ceil(2).max(FEWEST));
             let near = ranked.iter().filter(|(_, worth)| *worth >= FAR_BEHIND).count();
             ranked.truncate(near.max(FEWEST));
-            active = ranked.into_iter().map(|(arm, _)| arm).collect();
-            // In another order than that of their rank, which would follow a slow change of the device.
-            active.sort_unstable();
+            self.left = ranked.into_iter().map(|(arm, _)| arm).collect();
+            // Not in the order of their rank, which a slow change of the device would follow.
+            self.left.sort_unstable();
             samples = (2 * samples).min(self.samples);
         }
     }
@@ -313,8 +314,7 @@ impl<'a> Tuning<'a> {
     fn shown(&self, found: &Found, comment: &str) -> String {
         let mut rows = table(&["c_t", "subgroups", "samples", "primary ms", "±", "secondary ms", "±"]);
         let views: usize = self.views.iter().map(Vec::len).sum();
-        let most = self.arms.iter().map(samples_of).max().unwrap_or(0);
-        for arm in self.arms.iter().filter(|arm| samples_of(arm) == most) {
+        for arm in self.left.iter().map(|&arm| &self.arms[arm]) {
             let mut row =
                 vec![arm.cost.to_string(), arm.subgroups.to_string(), (samples_of(arm) / views).to_string()];
             for kind in 0..2 {

@@ -235,7 +235,9 @@ pub fn differences(old: &Record, new: &Record) -> Vec<String> {
     };
     let device = |r: &Record| format!("{} ({})", r.device.name, r.device.uuid);
     compare("the device", device(old), device(new));
-    let driver = |r: &Record| format!("{} {}", r.device.driver.name, r.device.driver.version);
+    let driver = |r: &Record| {
+        format!("{} {} ({})", r.device.driver.name, r.device.driver.info, r.device.driver.version)
+    };
     compare("the driver", driver(old), driver(new));
     let shard = |r: &Record| {
         r.sweep.as_ref().and_then(|sweep| sweep.shard.clone()).unwrap_or_else(|| "all of it".into())
@@ -413,7 +415,8 @@ mod tests {
             differences(&old, &new).join("; ")
         };
         assert!(
-            told(&|r| r.device.driver.version = "1.2".into()).contains("driver was NVIDIA 570.124.0, now")
+            told(&|r| r.device.driver.version = "1.2".into())
+                .contains("driver was NVIDIA 570.124 (570.124.0), now")
         );
         assert!(told(&|r| r.device.uuid = "0".into()).contains("the device was"));
         assert!(told(&|r| r.shaders.values_mut().next().unwrap().clear()).contains("traverse/binary"));

@@ -114,7 +114,9 @@ fn unlike(one: &Header, other: &Header) -> Vec<String> {
         }
     };
     compare("devices", one.device.name.clone(), other.device.name.clone());
-    let driver = |r: &Record| format!("{} {}", r.device.driver.name, r.device.driver.version);
+    let driver = |r: &Record| {
+        format!("{} {} ({})", r.device.driver.name, r.device.driver.info, r.device.driver.version)
+    };
     compare("drivers", driver(one), driver(other));
     let clock = |r: &Record| match &r.run.clock {
         None => "unknown".to_owned(),
@@ -222,7 +224,8 @@ mod tests {
             refused(&|r| r.device.name = "Other GPU".into()).contains("devices: Example GPU 4070 and Other")
         );
         assert!(
-            refused(&|r| r.device.driver.version = "1.2".into()).contains("drivers: NVIDIA 570.124.0 and")
+            refused(&|r| r.device.driver.version = "1.2".into())
+                .contains("drivers: NVIDIA 570.124 (570.124.0) and")
         );
         assert!(refused(&|r| r.run.clock = None).contains("clocks: 2835 mhz, locked and unknown"));
         assert!(refused(&|r| r.shaders.clear()).contains("shaders: traverse/binary differ"));
