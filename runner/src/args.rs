@@ -60,7 +60,7 @@ Examples:
 const BEST_EXAMPLES: &str = "\
 Examples:
   runner best out/wg/record.json
-  runner best out/costs -o configs/tuned/my-gpu.toml";
+  runner best out/workgroup out/costs -o configs/tuned/my-gpu.toml";
 
 const TUNE_EXAMPLES: &str = "\
 Examples:
@@ -302,9 +302,9 @@ pub struct Merge {
 /// What `best` judges.
 #[derive(Debug, Args)]
 pub struct Best {
-    /// A record, or the folder of a sweep
-    #[arg(value_name = "RECORD.json")]
-    pub record: PathBuf,
+    /// Records, or folders of sweeps; each is judged by itself
+    #[arg(required = true, value_name = "RECORD.json")]
+    pub records: Vec<PathBuf>,
     /// Which rays decide on axes that concern both kinds; whole paths when left out
     #[arg(long, value_enum)]
     pub rays: Option<Kind>,

@@ -72,50 +72,61 @@ impl Second {
 /// # Errors
 /// The record cannot be read, or nothing was varied in it.
 pub fn best(global: &Global, arguments: &args::Best) -> anyhow::Result<()> {
-    let record = sweep::read(&arguments.record)?;
-    let (choices, notes) = choices(&record, arguments.rays.map(Rays::from));
-    if choices.is_empty() {
-        bail!(
-            "{} has no axis with more than one value in a common scene{}",
-            arguments.record.display(),
-            notes.iter().map(|note| format!("\n  {note}")).collect::<String>()
-        );
+    let (mut all, mut notes, mut heads) = (Vec::new(), Vec::new(), Vec::new());
+    for path in &arguments.records {
+        let record = sweep::read(path)?;
+        let (choices, own) = choices(&record, arguments.rays.map(Rays::from));
+        if choices.is_empty() {
+            bail!(
+                "{} has no axis with more than one value in a common scene{}",
+                path.display(),
+                own.iter().map(|note| format!("\n  {note}")).collect::<String>()
+            );
+        }
+        heads.push(head(&record, &choices));
+        all.extend(choices);
+        notes.extend(own);
     }
+    let choices = all;
     if arguments.json {
         print(&serde_json::to_string_pretty(&choices)?)?;
     } else {
         print(&shown(&choices, &notes))?;
     }
     if let Some(output) = &arguments.output {
-        let mut all: Vec<Tuned> = Vec::new();
+        let mut tuned: Vec<Tuned> = Vec::new();
         for choice in &choices {
             let margin = match &choice.second {
                 None => "the only value".to_owned(),
                 Some(second) => format!("{} before {}: {}", choice.value, second.value, surely(second)),
             };
             let variant = Variant::one(&choice.variant)?;
-            if all.last().is_none_or(|tuned| tuned.variant != variant) {
-                all.push(Tuned { variant, comments: Vec::new(), parameters: Parameters::default() });
-            }
-            let tuned = all.last_mut().expect("pushed above");
-            tuned.comments.push(format!("{}: {margin}", choice.axis));
-            tuned.parameters.set(choice.axis.as_str(), choice.value.clone());
+            let place = tuned.iter().position(|tuned| tuned.variant == variant).unwrap_or_else(|| {
+                tuned.push(Tuned { variant, comments: Vec::new(), parameters: Parameters::default() });
+                tuned.len() - 1
+            });
+            tuned[place].comments.push(format!("{}: {margin}", choice.axis));
+            tuned[place].parameters.set(choice.axis.as_str(), choice.value.clone());
         }
-        let title = record.sweep.as_ref().map_or("a run", |sweep| sweep.title.as_str());
-        let scenes = choices.iter().flat_map(|choice| choice.scenes.clone()).collect::<Vec<_>>();
-        let head = format!(
-            "Best values on {}, driver {}.\nFrom {title}, begun {}, {}x{}, over {}.",
-            record.device.name,
-            record.device.driver.info,
-            record.started,
-            record.run.width,
-            record.run.height,
-            distinct(scenes).join(", ")
-        );
-        tuned::write(output, &head, &all)?;
+        tuned::write(output, &heads.join("\n"), &tuned)?;
         remark(global.quiet, format_args!("config: {}", output.display()));
     }
     Ok(())
+}
+
+/// Where choices come from.
+fn head(record: &Record, choices: &[Choice]) -> String {
+    let title = record.sweep.as_ref().map_or("a run", |sweep| sweep.title.as_str());
+    let scenes = distinct(choices.iter().flat_map(|choice| choice.scenes.clone()).collect());
+    format!(
+        "Best values on {}, driver {}.\nFrom {title}, begun {}, {}x{}, over {}.",
+        record.device.name,
+        record.device.driver.info,
+        record.started,
+        record.run.width,
+        record.run.height,
+        scenes.join(", ")
+    )
 }
 
 fn distinct(mut names: Vec<String>) -> Vec<String> {

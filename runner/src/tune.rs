@@ -1,12 +1,12 @@
 //! `runner tune`: finds good workgroup sizes and a good traversal cost without measuring all combinations.
 //!
 //! Successive halving (Jamieson, Talwalkar 2016): every combination gets one sample a view; the better half gets
-//! as many again as it has, and so on, until few are left or they have as many samples as the full grid would
-//! give each. Those that are far behind go at once, so samples are spent where the contenders are close.
+//! as many again as it has, and so on, until those that are left have as many samples as the full grid would give
+//! each. Those that are far behind go at once, so samples are spent where the contenders are close.
 //!
 //! ```text
 //! samples a view   1    2    4    8   16
-//! combinations    54 → 27 → 14 →  7 →  4      169 of the 864 samples of the grid
+//! combinations    54 → 27 → 14 →  7 →  6      185 of the 864 samples of the grid
 //! ```
 //!
 //! A launch for primary rays depends on one workgroup size and one for secondary rays on the other, so one
@@ -42,8 +42,12 @@ const COSTS: [f32; 6] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
 /// A combination that reaches less than this share of the best goes before its half does.
 const FAR_BEHIND: f64 = 0.95;
 
-/// So many are left at least: enough for the two sizes of the best traversal cost and of a rival.
-const FEWEST: usize = 4;
+/// Samples that a combination gets at a time. All contenders take turns, so that what happens to the device for a
+/// while happens to all of them.
+const TURN: u32 = 4;
+
+/// So many are left at least: enough for the two sizes of the best traversal cost and of two rivals.
+const FEWEST: usize = 6;
 
 /// One combination.
 struct Arm {
@@ -230,16 +234,20 @@ impl<'a> Tuning<'a> {
         let mut had = 0;
         let mut best = None;
         loop {
-            let bar = bar((self.left.len() * self.scenes.len()) as u64, self.session.quiet);
+            let turns = (samples - had).div_ceil(TURN);
+            let bar =
+                bar((self.left.len() * self.scenes.len()) as u64 * u64::from(turns), self.session.quiet);
             let variant = self.variant;
             bar.set_message(format!("{variant}: {} combinations, {samples} samples a view", self.left.len()));
-            for scene in 0..self.scenes.len() {
-                for arm in self.left.clone() {
-                    self.measure(arm, scene, samples - had)?;
-                    bar.inc(1);
-                    if interrupted() {
-                        bar.finish_and_clear();
-                        return Ok(best);
+            for turn in 0..turns {
+                for scene in 0..self.scenes.len() {
+                    for arm in self.left.clone() {
+                        self.measure(arm, scene, TURN.min(samples - had - turn * TURN))?;
+                        bar.inc(1);
+                        if interrupted() {
+                            bar.finish_and_clear();
+                            return Ok(best);
+                        }
                     }
                 }
             }
@@ -252,7 +260,7 @@ impl<'a> Tuning<'a> {
                 })
                 .collect();
             let found = choose(&arms);
-            let last = self.left.len() <= FEWEST || samples >= self.samples;
+            let last = samples >= self.samples;
             let comment = format!(
                 "{} of the grid's {} samples{}",
                 thousands(self.spent),
@@ -322,9 +330,8 @@ impl<'a> Tuning<'a> {
                 let of = |times: &Vec<Times>| times.iter().map(|time| time[kind]).collect::<Vec<_>>();
                 let means: Option<Vec<_>> =
                     views.clone().map(|times| stats::Estimate::of(&of(times))).collect();
-                let all: Vec<f64> =
-                    views.map(|times| of(times).iter().sum::<f64>() / times.len() as f64).collect();
-                row.push(format!("{:.3}", all.iter().sum::<f64>() / all.len() as f64));
+                let all: Vec<Vec<Times>> = views.cloned().collect();
+                row.push(format!("{:.3}", averaged(&all)[kind]));
                 let width = means.and_then(|means| stats::Estimate::average(&means));
                 row.push(width.map_or("–".into(), |e| format!("{:.1}%", 100.0 * e.relative_half_width())));
             }
@@ -333,7 +340,7 @@ impl<'a> Tuning<'a> {
         table::align(&mut rows, &[]);
         format!(
             "{}: c_t {}, {} subgroups a workgroup for primary and {} for secondary rays; {comment}\n\nWhat was left at the \
-             end, milliseconds of a path through every pixel, mean over views:\n{}",
+             end, milliseconds of a path through every pixel, medians averaged over views:\n{}",
             self.variant,
             found.cost,
             found.primary,
@@ -347,11 +354,14 @@ fn samples_of(arm: &Arm) -> usize {
     arm.times.iter().flatten().map(Vec::len).sum()
 }
 
-/// The mean over views of the means over samples.
+/// The mean over views of the medians over samples: one slow sample of few would move a mean.
 fn averaged(views: &[Vec<Times>]) -> Times {
     let of = |kind: usize| {
-        let means = views.iter().map(|v| v.iter().map(|time| time[kind]).sum::<f64>() / v.len() as f64);
-        means.sum::<f64>() / views.len() as f64
+        let median = |view: &Vec<Times>| {
+            let times: Vec<f64> = view.iter().map(|time| time[kind]).collect();
+            stats::median(&times).expect("every view has a sample that counts")
+        };
+        views.iter().map(median).sum::<f64>() / views.len() as f64
     };
     [of(0), of(1)]
 }
@@ -459,7 +469,7 @@ mod tests {
 
     #[test]
     fn views_count_alike() {
-        let views = [vec![[1.0, 2.0], [3.0, 2.0]], vec![[6.0, 4.0]]];
+        let views = [vec![[1.0, 2.0], [3.0, 2.0], [2.0, 9.0]], vec![[6.0, 4.0]]];
         assert_eq!(averaged(&views), [4.0, 3.0]);
     }
 }

@@ -41,7 +41,8 @@ pub struct Measurement {
     pub finished: Timestamp,
     /// Why no more samples were taken.
     pub stopped: Stop,
-    /// Whether too few samples of a view count: the rates are then hearsay.
+    /// Whether too few samples of a view count: fewer than the fewest that `stopping` asks for, or without it fewer
+    /// than half. The rates are then hearsay.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub unreliable: bool,
 }

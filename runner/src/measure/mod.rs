@@ -205,11 +205,11 @@ impl Measuring<'_> {
         if point.views.is_empty() {
             return Ok(None);
         }
+        let unreliable = plan.sampling.is_too_few(&point);
         let measurement = point.measurement.as_mut().expect("set above");
         measurement.finished = Timestamp::now();
         measurement.stopped = stopped;
-        measurement.unreliable =
-            point.views.iter().any(|view| view.counted().count() < plan.sampling.least as usize);
+        measurement.unreliable = unreliable;
         Ok(Some(point))
     }
 

@@ -39,6 +39,13 @@ impl Sampling {
         self.least == self.most
     }
 
+    /// Whether too few samples of a view count for the rates to be believed: fewer than the fewest or, where their
+    /// number is given and none can be added, fewer than half.
+    pub fn is_too_few(&self, point: &Point) -> bool {
+        let needed = if self.is_exact() { self.least.div_ceil(2) } else { self.least };
+        point.views.iter().any(|view| view.counted().count() < needed as usize)
+    }
+
     /// Judges a point all of whose views have been measured, after the time that it has taken.
     ///
     /// The half-width falls with the square root of the samples, so that says how many are needed. As the
@@ -126,6 +133,18 @@ mod tests {
         let late = Duration::from_secs(61);
         assert_eq!(SAMPLING.judge(&point(&[&wild[..4]]), late), Verdict::Stop(Stop::Time));
         assert_eq!(Sampling::exactly(4).judge(&point(&[&wild[..4]]), late), Verdict::Stop(Stop::Samples));
+    }
+
+    #[test]
+    fn with_too_few_samples_that_count_a_point_is_unreliable() {
+        let mut one = point(&[&[1.0; 5], &[1.0; 5]]);
+        assert!(!SAMPLING.is_too_few(&one) && !Sampling::exactly(5).is_too_few(&one));
+        for sample in &mut one.views[1].samples[..2] {
+            sample.excluded = Some(Exclusion::WarmUp);
+        }
+        assert!(!SAMPLING.is_too_few(&one) && !Sampling::exactly(5).is_too_few(&one));
+        one.views[1].samples[2].excluded = Some(Exclusion::LowClock);
+        assert!(SAMPLING.is_too_few(&one) && Sampling::exactly(5).is_too_few(&one));
     }
 
     #[test]
