@@ -347,13 +347,20 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// # Errors
 /// The handler cannot be installed.
 pub fn watch_for_interrupts(unit: &'static str) -> anyhow::Result<()> {
-    ctrlc::set_handler(move || {
+    let stop = move || {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
             std::process::exit(130);
         }
         eprintln!("\nfinishing the running {unit}; press Ctrl-C again to stop at once");
-    })
-    .context("cannot watch for Ctrl-C")
+    };
+    // SIGHUP is left alone: under nohup a sweep goes on when its terminal closes.
+    #[cfg(unix)]
+    {
+        let mut signals = signal_hook::iterator::Signals::new([signal_hook::consts::SIGTERM])
+            .context("cannot watch for SIGTERM")?;
+        std::thread::spawn(move || signals.forever().for_each(|_| stop()));
+    }
+    ctrlc::set_handler(stop).context("cannot watch for Ctrl-C")
 }
 
 /// Whether the user wants to stop.

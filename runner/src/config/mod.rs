@@ -139,6 +139,11 @@ pub fn json_schema() -> &'static serde_json::Value {
 }
 
 impl Config {
+    /// How many views are listed; nothing where a scene's own number decides.
+    pub fn view_count(&self) -> Option<usize> {
+        views::each(self.views.as_ref()?).ok().map(|views| views.len())
+    }
+
     /// The parameters that are varied, each once.
     pub fn axis_names(&self) -> Vec<String> {
         self.axes.iter().map(|axis| axis.parameter.clone()).collect()

@@ -240,7 +240,7 @@ fn show(
             }
             0
         });
-        let views = config.views.as_deref().map_or(8, |list| list.split(',').count());
+        let views = config.view_count().unwrap_or(8);
         let seconds = speed.seconds(plan, triangles, views, setup.variant.by_view);
         total = [total[0] + seconds[0], total[1] + seconds[1]];
     }
@@ -291,12 +291,12 @@ impl Sweeping<'_> {
     /// Measures points in the given order, and the reference point between them. Returns the keys of those that
     /// could not be measured.
     fn through(&mut self, todo: &[(&Setup, &String)], reference: &Setup) -> anyhow::Result<Vec<String>> {
-        let every = self.config.order.reference_every as usize;
+        let mut every = self.config.order.reference_every as usize;
         let mut failed = Vec::new();
         let mut in_a_row = 0;
         for (index, (setup, key)) in todo.iter().enumerate() {
-            if every > 0 && index % every == 0 {
-                self.point(reference, None)?;
+            if every > 0 && index % every == 0 && !self.reference(reference) {
+                every = 0;
             }
             if interrupted() {
                 return Ok(failed);
@@ -320,9 +320,24 @@ impl Sweeping<'_> {
             }
         }
         if every > 0 && !todo.is_empty() {
-            self.point(reference, None)?;
+            self.reference(reference);
         }
         Ok(failed)
+    }
+
+    /// Measures the reference point; false, after saying why, where that is impossible. The others are worth
+    /// having all the same.
+    fn reference(&mut self, reference: &Setup) -> bool {
+        let measured = self.point(reference, None);
+        if let Err(error) = &measured {
+            let key = reference.key();
+            let message = format!("{error:#}");
+            self.events.tell(&Event::Failed { key: &key, error: &message });
+            self.bar.suspend(|| {
+                eprintln!("runner: no drift can be told without the reference point {key}: {message}")
+            });
+        }
+        measured.is_ok()
     }
 
     /// Measures a point, or without a key the reference point, and puts it into the journal.
