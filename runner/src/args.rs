@@ -1,7 +1,8 @@
 //! The command line.
 
+use crate::{shard::Shard, size::Size};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use std::{path::PathBuf, str::FromStr};
+use std::path::PathBuf;
 
 /// Builds BVHs on the GPU, traces rays through them, measures both, and writes a benchmark record.
 ///
@@ -225,20 +226,8 @@ pub struct Run {
     /// Measured builds of each tree, after the warm-up; 10 on a GPU and 3 on a CPU driver when left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub builds: Option<u32>,
-    /// Picture size; 1920x1080 on a GPU and 320x180 on a CPU driver when left out
-    #[arg(long, value_name = "WxH")]
-    pub size: Option<Size>,
-    /// Most rays in a path, the primary ray included
-    #[arg(long, value_name = "D", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
-    pub depth: u32,
-    /// Seed of all random numbers
-    #[arg(long, default_value_t = 0)]
-    pub seed: u32,
     #[command(flatten)]
-    pub tuning: Tuning,
-    /// What the GPU is locked to: samples below 95% of it are left out of the means. Without it, its base clock
-    #[arg(long, value_name = "MHZ", value_parser = clap::value_parser!(u32).range(1..))]
-    pub locked_clock: Option<u32>,
+    pub paths: Paths,
     /// Where the record goes; it is written anew after each view
     #[arg(short, long, value_name = "FILE.json")]
     pub output: Option<PathBuf>,
@@ -270,7 +259,7 @@ pub struct Sweep {
     pub include: Vec<PathBuf>,
     /// Measure share I of N, the same at all times; `runner merge` joins them
     #[arg(long, value_name = "I/N")]
-    pub shard: Option<crate::sweep::Shard>,
+    pub shard: Option<Shard>,
     /// Print what happens, and with --plan the points, as lines of JSON
     #[arg(long)]
     pub json: bool,
@@ -352,6 +341,16 @@ pub struct Tune {
     /// Samples a view that the last contenders get, and each combination would get in the full grid
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
     pub samples: u32,
+    #[command(flatten)]
+    pub paths: Paths,
+    /// Where the best values go, as a config that others include; it is written anew after each round
+    #[arg(short, long, value_name = "FILE.toml")]
+    pub output: Option<PathBuf>,
+}
+
+/// Which paths are traced, how, and at which clock.
+#[derive(Clone, Debug, Args)]
+pub struct Paths {
     /// Picture size; 1920x1080 on a GPU and 320x180 on a CPU driver when left out
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
@@ -363,12 +362,9 @@ pub struct Tune {
     pub seed: u32,
     #[command(flatten)]
     pub tuning: Tuning,
-    /// What the GPU is locked to: samples far below it are left out. Without it, its base clock
+    /// What the GPU is locked to: samples below 95% of it are left out of the means. Without it, its base clock
     #[arg(long, value_name = "MHZ", value_parser = clap::value_parser!(u32).range(1..))]
     pub locked_clock: Option<u32>,
-    /// Where the best values go, as a config that others include; it is written anew after each round
-    #[arg(short, long, value_name = "FILE.toml")]
-    pub output: Option<PathBuf>,
 }
 
 /// Parameters of the stages.
@@ -506,31 +502,6 @@ pub struct Validate {
     pub tuning: Tuning,
 }
 
-/// Width and height of a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size {
-    pub width: u32,
-    pub height: u32,
-}
-
-impl FromStr for Size {
-    type Err = String;
-    fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("{text:?} is no picture size; write WIDTHxHEIGHT, such as 1920x1080");
-        let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
-        let size = Self {
-            width: width.trim().parse().map_err(|_| wrong())?,
-            height: height.trim().parse().map_err(|_| wrong())?,
-        };
-        // Pixels along the Z-order curve are numbered with 16 bits an axis.
-        if (1..=32768).contains(&size.width) && (1..=32768).contains(&size.height) {
-            Ok(size)
-        } else {
-            Err(format!("{text:?}: each side must be between 1 and 32768 pixels"))
-        }
-    }
-}
-
 /// Picks items by a list of numbers, ranges and names, such as `0,3-5,door`.
 pub fn pick(names: &[String], list: &str) -> Result<Vec<usize>, String> {
     let mut picked = Vec::new();
@@ -568,8 +539,8 @@ mod tests {
                 .split(' '),
         );
         let Command::Run(run) = cli.command else { panic!("another command") };
-        assert_eq!((run.size, run.samples), (Some(Size { width: 4, height: 3 }), Some(5)));
-        assert_eq!((run.variant.len(), run.tuning.set.len()), (2, 2));
+        assert_eq!((run.paths.size, run.samples), (Some(Size { width: 4, height: 3 }), Some(5)));
+        assert_eq!((run.variant.len(), run.paths.tuning.set.len()), (2, 2));
     }
 
     #[test]

@@ -1,13 +1,14 @@
 //! The commands other than `run`.
 
 use crate::{
-    args::{self, Global, Heatmap, Seen, Size},
+    args::{self, Global, Heatmap, Seen},
     config,
     params::Params,
     picture::Picture,
     progress::{bar, remark},
     rayfile,
     session::{Loaded, Plant, Session, TraceMemory},
+    size::Size,
     table::{self, table, thousands},
     variant::Variant,
 };

@@ -14,6 +14,8 @@ mod rayfile;
 mod resources;
 mod run;
 mod session;
+mod shard;
+mod size;
 mod sweep;
 mod table;
 mod telemetry;

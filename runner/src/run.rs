@@ -1,25 +1,20 @@
 //! `runner run`: measures scenes and writes the record as it goes.
 
 use crate::{
-    args::{self, Global, Size},
+    args::{self, Global},
     commands::print,
-    describe, host,
-    measure::{Measuring, Plan, Sampling, Watch},
+    measure::{Defaults, LEAST_CLOCK, Measuring, Plan, Sampling, Watch, begin, clock, telemetry},
     params::Params,
     progress::{bar, remark},
     session::{Session, interrupted, watch_for_interrupts},
     table,
-    telemetry::Telemetry,
     variant::Variant,
 };
 use anyhow::Context;
 use indicatif::ProgressBar;
-use record::{Clock, ClockKind, Point, Record};
+use record::{Point, Record};
 use std::{path::Path, time::Duration};
-use tracer::{
-    gpu::{DeviceKind, shaders},
-    path,
-};
+use tracer::path;
 
 /// Measures what the command line asks for.
 ///
@@ -28,21 +23,21 @@ use tracer::{
 pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     let variants = Variant::select(&run.variant)?;
     let params: Vec<Params> =
-        variants.iter().map(|&v| Params::with(v, &run.tuning.set)).collect::<anyhow::Result<_>>()?;
+        variants.iter().map(|&v| Params::with(v, &run.paths.tuning.set)).collect::<anyhow::Result<_>>()?;
     watch_for_interrupts("sample")?;
     let session = Session::open(global)?;
     let telemetry = telemetry(&session);
     let defaults = Defaults::of(&session);
-    let size = run.size.unwrap_or(defaults.size);
+    let size = run.paths.size.unwrap_or(defaults.size);
     let plan = Plan {
         size: (size.width, size.height),
-        path: path::Params { depth: run.depth, seed: run.seed },
+        path: path::Params { depth: run.paths.depth, seed: run.paths.seed },
         builds: run.builds.unwrap_or(defaults.builds),
         warm_up: run.warm_up,
         busy_before_point: if defaults.cpu { Duration::ZERO } else { WARM_UP_TIME },
         busy_before_view: if defaults.cpu { Duration::ZERO } else { WARM_UP_VIEW_TIME },
         sampling: Sampling::exactly(run.samples.unwrap_or(if defaults.cpu { 3 } else { 15 })),
-        clock: clock(&telemetry, run.locked_clock, LEAST_CLOCK),
+        clock: clock(&telemetry, run.paths.locked_clock, LEAST_CLOCK),
         counting: true,
     };
     let mut record = begin(&session, &plan, run.host_name);
@@ -100,73 +95,12 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What depends on the sort of device where nobody chose.
-pub struct Defaults {
-    /// Whether it is a driver that runs on the CPU.
-    pub cpu: bool,
-    /// Picture size.
-    pub size: Size,
-    /// Measured builds of each tree.
-    pub builds: u32,
-}
-
-impl Defaults {
-    /// Of the session's device.
-    pub fn of(session: &Session) -> Self {
-        if session.gpu.info().kind == DeviceKind::Cpu {
-            Self { cpu: true, size: Size { width: 320, height: 180 }, builds: 3 }
-        } else {
-            Self { cpu: false, size: Size { width: 1920, height: 1080 }, builds: 10 }
-        }
-    }
-}
-
 /// A GPU lowers its clocks within a second of idling, while the host loads a scene or reads counters back,
 /// and takes a while to raise them again.
 const WARM_UP_TIME: Duration = Duration::from_millis(400);
 
 /// Before a view, when it has been busy within the last second.
 const WARM_UP_VIEW_TIME: Duration = Duration::from_millis(150);
-
-/// Samples with a clock below this share of the locked or base clock do not count.
-pub const LEAST_CLOCK: f64 = 0.95;
-
-/// What the session's device says about itself.
-pub fn telemetry(session: &Session) -> Telemetry {
-    let info = session.gpu.info();
-    Telemetry::open(info.vendor_id, describe::uuid_bytes(&info.uuid), info.pci.as_deref())
-}
-
-/// The clock that samples are held against: the one that the device is said to be locked to, or else its base
-/// clock.
-pub fn clock(telemetry: &Telemetry, locked_mhz: Option<u32>, least_share: f64) -> Option<Clock> {
-    let of = |kind| move |mhz| Clock { kind, mhz, least_share };
-    locked_mhz.map(of(ClockKind::Locked)).or_else(|| telemetry.base_clock().map(of(ClockKind::Base)))
-}
-
-/// A record of a run that begins now.
-pub fn begin(session: &Session, plan: &Plan, host_name: bool) -> Record {
-    let sampling = &plan.sampling;
-    let run = record::Run {
-        width: plan.size.0,
-        height: plan.size.1,
-        samples: sampling.most,
-        warm_up: plan.warm_up,
-        depth: plan.path.depth,
-        seed: plan.path.seed.into(),
-        stopping: (!sampling.is_exact()).then_some(record::Stopping {
-            least: sampling.least,
-            most: sampling.most,
-            half_width: sampling.half_width,
-            seconds: sampling.time.as_secs_f64(),
-        }),
-        clock: plan.clock.clone(),
-    };
-    let mut record =
-        Record::new(host::tool(), host::gather(host_name), describe::device(session.gpu.info()), run);
-    record.shaders = shaders::ALL.iter().map(|s| (s.name.to_owned(), s.sha256())).collect();
-    record
-}
 
 /// The record and the file that follows it.
 struct Writer<'a> {

@@ -16,13 +16,13 @@
 //! `runner best`.
 
 use crate::{
-    args::{self, Global, Size},
+    args::{self, Global},
     commands::print,
-    measure::{Measuring, Plan, Sampling, Watch},
+    measure::{self, Defaults, Measuring, Plan, Sampling, Watch},
     params::Params,
     progress::{bar, remark},
-    run::{self, Defaults},
     session::{Loaded, Session, interrupted, watch_for_interrupts},
+    size::Size,
     table::{self, table, thousands},
     telemetry::Telemetry,
     tuned::{self, Tuned},
@@ -79,26 +79,32 @@ struct Found {
 pub fn tune(global: &Global, arguments: &args::Tune) -> anyhow::Result<()> {
     let variants = Variant::select(&arguments.variant)?;
     for name in ["trace.primary_subgroups", "trace.secondary_subgroups", "collapse.c_t"] {
-        if arguments.tuning.set.iter().any(|set| set.split('=').next().is_some_and(|n| n.trim() == name)) {
+        if arguments
+            .paths
+            .tuning
+            .set
+            .iter()
+            .any(|set| set.split('=').next().is_some_and(|n| n.trim() == name))
+        {
             bail!("--set {name}: that is what is looked for");
         }
     }
     watch_for_interrupts("measurement")?;
     let session = Session::open(global)?;
-    let telemetry = run::telemetry(&session);
+    let telemetry = measure::telemetry(&session);
     let defaults = Defaults::of(&session);
-    let size = arguments.size.unwrap_or(defaults.size);
+    let size = arguments.paths.size.unwrap_or(defaults.size);
     let scenes =
         arguments.scenes.iter().map(|spec| session.load(spec)).collect::<anyhow::Result<Vec<_>>>()?;
     let plan = Plan {
         size: (size.width, size.height),
-        path: path::Params { depth: arguments.depth, seed: arguments.seed },
+        path: path::Params { depth: arguments.paths.depth, seed: arguments.paths.seed },
         builds: 1,
         warm_up: 1,
         busy_before_point: if defaults.cpu { Duration::ZERO } else { Duration::from_millis(50) },
         busy_before_view: Duration::ZERO,
         sampling: Sampling::exactly(1),
-        clock: run::clock(&telemetry, arguments.locked_clock, run::LEAST_CLOCK),
+        clock: measure::clock(&telemetry, arguments.paths.locked_clock, measure::LEAST_CLOCK),
         counting: false,
     };
     let mut tuned = Vec::new();
@@ -192,7 +198,7 @@ impl<'a> Tuning<'a> {
         let mut arms = Vec::new();
         for subgroups in SUBGROUPS {
             for cost in COSTS {
-                let mut params = Params::with(variant, &arguments.tuning.set)?;
+                let mut params = Params::with(variant, &arguments.paths.tuning.set)?;
                 params.trace.primary_subgroups = subgroups;
                 params.trace.secondary_subgroups = subgroups;
                 params.collapse.traversal_cost = cost;

@@ -1,7 +1,7 @@
 //! What a file says: the one definition of its keys, of which parser, checks and JSON Schema are made.
 
 use super::{schema, units};
-use crate::args::Size;
+use crate::size::Size;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{
     Deserialize, Deserializer,

@@ -31,7 +31,7 @@ pub use experiment::Experiment;
 pub use set::Set;
 pub use setup::Setup;
 
-use crate::{args::Size, variant::Variant};
+use crate::{size::Size, variant::Variant};
 use anyhow::bail;
 use axis::Axis;
 use only::Only;

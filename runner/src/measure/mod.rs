@@ -3,8 +3,10 @@
 
 mod kernels;
 mod settle;
+mod start;
 mod stop;
 
+pub use start::{Defaults, LEAST_CLOCK, begin, clock, telemetry};
 pub use stop::Sampling;
 
 use crate::{

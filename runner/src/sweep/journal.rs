@@ -11,8 +11,7 @@
 //! flushed to the disk before the next point begins. A line counts once its end is there, so a torn one can only
 //! be the last; it is cut off when the journal is opened, and said so.
 
-use super::Shard;
-use crate::config::Experiment;
+use crate::{config::Experiment, shard::Shard};
 use anyhow::{Context, bail};
 use record::{Parameters, Point, Record};
 use serde::{Deserialize, Serialize};

@@ -4,21 +4,18 @@ mod estimate;
 mod event;
 pub mod journal;
 mod merge;
-mod order;
 mod scenes;
 
 pub use merge::merge;
-pub use order::Shard;
 
 use crate::{
     args::{self, Global},
     commands::print,
     config::{Config, Setup},
-    measure::{Measuring, Plan, Sampling, Watch},
+    measure::{self, Defaults, Measuring, Plan, Sampling, Watch},
     progress::{bar, remark},
-    run::{self, Defaults},
     session::{Session, interrupted, watch_for_interrupts},
-    table,
+    shard, table,
     telemetry::Telemetry,
 };
 use anyhow::{Context, bail};
@@ -53,7 +50,7 @@ pub fn sweep(global: &Global, arguments: &args::Sweep) -> anyhow::Result<()> {
     let events = Events::new(arguments.json);
     watch_for_interrupts("point")?;
     let session = Session::open(global)?;
-    let telemetry = run::telemetry(&session);
+    let telemetry = measure::telemetry(&session);
     let defaults = Defaults::of(&session);
     let plan = plan(&config, &defaults, &telemetry, arguments.locked_clock);
 
@@ -73,7 +70,7 @@ pub fn sweep(global: &Global, arguments: &args::Sweep) -> anyhow::Result<()> {
     let keys: Vec<String> = points.iter().map(Setup::key).collect();
     let mine = |key: &str| arguments.shard.is_none_or(|shard| shard.has(key));
 
-    let mut record = run::begin(&session, &plan, arguments.host_name);
+    let mut record = measure::begin(&session, &plan, arguments.host_name);
     record.parameters = reference.params.by_name();
     record.sweep = Some(record::Sweep {
         title: config.title.clone(),
@@ -119,7 +116,7 @@ pub fn sweep(global: &Global, arguments: &args::Sweep) -> anyhow::Result<()> {
     }
     let all = todo.len();
     todo.retain(|(_, key)| !journal.contents.has(key));
-    todo.sort_by_key(|(_, key)| order::place(config.order.seed, key));
+    todo.sort_by_key(|(_, key)| shard::place(config.order.seed, key));
     if was_there {
         let left = if todo.is_empty() { "nothing is".to_owned() } else { format!("{} are", todo.len()) };
         remark(
@@ -185,7 +182,7 @@ fn plan(config: &Config, defaults: &Defaults, telemetry: &Telemetry, locked: Opt
             half_width: samples.half_width,
             time: samples.time,
         },
-        clock: run::clock(telemetry, locked, samples.least_clock),
+        clock: measure::clock(telemetry, locked, samples.least_clock),
         counting: true,
     }
 }

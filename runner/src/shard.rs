@@ -1,4 +1,4 @@
-//! Who measures which point, and when.
+//! Who of several machines measures a point, and when: by hashes of its name.
 
 use sha2::{Digest, Sha256};
 use std::str::FromStr;
