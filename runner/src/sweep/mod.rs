@@ -149,9 +149,9 @@ pub fn sweep(global: &Global, arguments: &args::Sweep) -> anyhow::Result<()> {
         if !arguments.json {
             print(&table::sweep(&record))?;
         }
+        remark(session.quiet, format_args!("record: {}", folder.join("record.json").display()));
     }
     events.tell(&Event::Ended { points: record.results.len(), complete: record.finished.is_some() });
-    remark(session.quiet, format_args!("record: {}", folder.join("record.json").display()));
     session.finish()?;
     if interrupted() {
         remark(session.quiet, format_args!("interrupted; the same command goes on"));
