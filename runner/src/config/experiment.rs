@@ -4,7 +4,7 @@ use super::{Config, views};
 use crate::params::Params;
 use record::Parameters;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::json;
 use std::collections::BTreeMap;
 
 /// Differences that are told; of the rest only their number.
@@ -16,7 +16,7 @@ const TOLD: usize = 5;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Experiment {
     /// By dotted name, as files call them.
-    settings: BTreeMap<String, Value>,
+    settings: Parameters,
     /// The defaults of all parameters.
     defaults: Parameters,
     /// The parameters of each point that are not at these defaults, by its key.
@@ -27,7 +27,7 @@ impl Experiment {
     /// In words what has changed since an earlier one; nothing if nothing has.
     pub fn changes_since(&self, earlier: &Self) -> Option<String> {
         let mut changes = Vec::new();
-        compare("", &earlier.settings, &self.settings, &mut changes);
+        compare("", &earlier.settings.0, &self.settings.0, &mut changes);
         compare("the default of ", &earlier.defaults.0, &self.defaults.0, &mut changes);
         for (key, was) in &earlier.points {
             match self.points.get(key) {
@@ -87,18 +87,19 @@ impl Config {
         } = self;
         let views = views.as_ref().map(|list| views::each(list).map_or(list.clone(), |each| each.join(",")));
         let size = size.map(|size| format!("{}x{}", size.width, size.height));
-        let tree = serde_json::json!({
-            "views": views,
-            "size": size,
-            "depth": depth,
-            "seed": seed,
-            "builds": builds,
-            "warm-up": warm_up,
-            "samples": samples,
-            "order": order,
-        });
-        let mut settings = BTreeMap::new();
-        flatten("", tree, &mut settings);
+        let mut settings = Parameters::default();
+        for (name, value) in [
+            ("views", json!(views)),
+            ("size", json!(size)),
+            ("depth", json!(depth)),
+            ("seed", json!(seed)),
+            ("builds", json!(builds)),
+            ("warm-up", json!(warm_up)),
+            ("samples", json!(samples)),
+            ("order", json!(order)),
+        ] {
+            settings.add(name, &value)?;
+        }
         let defaults = Params::default().by_name();
         let mut points = BTreeMap::new();
         for point in self.points()? {
@@ -107,19 +108,5 @@ impl Config {
             points.insert(point.key(), own);
         }
         Ok(Experiment { settings, defaults, points })
-    }
-}
-
-fn flatten(prefix: &str, tree: Value, flat: &mut BTreeMap<String, Value>) {
-    match tree {
-        Value::Object(fields) => {
-            for (name, value) in fields {
-                let dot = if prefix.is_empty() { "" } else { "." };
-                flatten(&format!("{prefix}{dot}{name}"), value, flat);
-            }
-        }
-        value => {
-            flat.insert(prefix.to_owned(), value);
-        }
     }
 }

@@ -556,7 +556,7 @@ fn changes_are_told_in_words() {
     assert_eq!(changes(text, &["title=Other"]), "");
     assert_eq!(
         changes(text, &["samples.most=9", "views=0"]),
-        "samples.most was null, now 9\nviews was null, now \"0\""
+        "samples.most was none, now 9\nviews was none, now 0"
     );
     assert_eq!(
         changes(&text.replace("[4, 8]", "[4, 16]").replace(", \"Wide4\"", ""), &["collapse.c_t=3"]),
