@@ -273,6 +273,16 @@ impl<'a> Tuning<'a> {
                 thousands(self.grid()),
                 if last { "" } else { "; not finished" }
             );
+            remark(
+                self.session.quiet,
+                format_args!(
+                    "{variant}: {} combinations with {samples} samples a view; so far c_t {}, {} and {} subgroups",
+                    self.left.len(),
+                    found.cost,
+                    found.primary,
+                    found.secondary
+                ),
+            );
             each(&found, &comment)?;
             best = Some((found, comment));
             if last {
