@@ -18,7 +18,7 @@
 use crate::{
     args::{self, Global},
     commands::print,
-    measure::{self, Defaults, Measuring, Plan, Sampling, Watch},
+    measure::{self, Defaults, Measuring, Plan, Sampling, Unwatched},
     params::Params,
     progress::{bar, remark},
     session::{Loaded, Session, interrupted, watch_for_interrupts},
@@ -172,14 +172,6 @@ struct Tuning<'a> {
     left: Vec<usize>,
     /// Samples traced, those that do not count included.
     spent: u64,
-}
-
-struct Unwatched;
-
-impl Watch for Unwatched {
-    fn interrupted(&self) -> bool {
-        false
-    }
 }
 
 impl<'a> Tuning<'a> {

@@ -85,6 +85,15 @@ pub trait Watch {
     }
 }
 
+/// Follows nothing, and never stops.
+pub struct Unwatched;
+
+impl Watch for Unwatched {
+    fn interrupted(&self) -> bool {
+        false
+    }
+}
+
 /// A view while it is measured.
 struct Seen {
     camera: Camera,

@@ -1,7 +1,7 @@
 //! How long a sweep will take.
 
 use crate::{
-    measure::{Measuring, Plan, Sampling, Watch},
+    measure::{Measuring, Plan, Sampling, Unwatched},
     params::Params,
     session::Session,
     telemetry::Telemetry,
@@ -23,14 +23,6 @@ pub struct Speed {
     triangles_a_second: f64,
     /// Seconds that go by for each point with other things, such as compiling kernels.
     point_seconds: f64,
-}
-
-struct Unwatched;
-
-impl Watch for Unwatched {
-    fn interrupted(&self) -> bool {
-        false
-    }
 }
 
 impl Speed {
