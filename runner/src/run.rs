@@ -3,7 +3,7 @@
 use crate::{
     args::{self, Global},
     commands::print,
-    measure::{Defaults, LEAST_CLOCK, Measuring, Plan, Sampling, Watch, begin, clock, telemetry},
+    measure::{Defaults, Held, LEAST_CLOCK, Measuring, Plan, Sampling, Watch, begin, clock, telemetry},
     params::Params,
     progress::{bar, remark},
     session::{Session, interrupted, watch_for_interrupts},
@@ -27,6 +27,7 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     watch_for_interrupts("sample")?;
     let session = Session::open(global)?;
     let telemetry = telemetry(&session);
+    let held = Held::of(&session);
     let defaults = Defaults::of(&session);
     let size = run.paths.size.unwrap_or(defaults.size);
     let plan = Plan {
@@ -37,7 +38,8 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
         busy_before_point: if defaults.cpu { Duration::ZERO } else { WARM_UP_TIME },
         busy_before_view: if defaults.cpu { Duration::ZERO } else { WARM_UP_VIEW_TIME },
         sampling: Sampling::exactly(run.samples.unwrap_or(if defaults.cpu { 3 } else { 15 })),
-        clock: clock(&telemetry, run.paths.locked_clock, LEAST_CLOCK),
+        clock: clock(&telemetry, &held, run.paths.locked_clock, LEAST_CLOCK),
+        held,
         counting: true,
     };
     let mut record = begin(&session, &plan, run.host_name);

@@ -2,7 +2,7 @@
 
 use crate::variant::Variant;
 use comfy_table::{CellAlignment, Table};
-use record::{Point, Rays, Record};
+use record::{Point, Rays, Record, Verdict};
 use std::fmt::Write;
 
 /// Rates, costs and build times of every point, which variant wins and why, and what the columns mean.
@@ -113,14 +113,14 @@ pub fn summary(record: &Record) -> String {
         record.device.name,
         triangles.join(", ")
     );
-    text
+    text + &stability(record)
 }
 
 /// What a sweep found: as [`summary`] does where it has no axes, and otherwise a row for each point, with how sure
 /// its rates are. Then whether the device drifted, and what cannot be relied upon.
 pub fn sweep(record: &Record) -> String {
     let axes = record.sweep.as_ref().map_or(&[][..], |sweep| &sweep.axes);
-    let mut text = if axes.is_empty() { summary(record) } else { points(record, axes) };
+    let mut text = if axes.is_empty() { summary(record) } else { points(record, axes) + &stability(record) };
     for drift in record.drifts() {
         let part = if record.parts.len() > 1 { format!(" of part {}", drift.part) } else { String::new() };
         let verdict = if drift.significant() { "The device drifted" } else { "No drift is to be seen" };
@@ -141,6 +141,25 @@ pub fn sweep(record: &Record) -> String {
         .collect();
     if !unreliable.is_empty() {
         let _ = write!(text, "\nUnreliable, because too few samples count: {}.", unreliable.join("; "));
+    }
+    text
+}
+
+/// How the clocks were held, and which points were slowed down all the same; empty where there is nothing to say.
+fn stability(record: &Record) -> String {
+    let mut text = String::new();
+    if let Some(policy) = &record.run.policy {
+        let _ = write!(text, "\nstabilize: {policy}.");
+    }
+    for point in &record.results {
+        match point.measurement.as_ref().and_then(|measurement| measurement.verdict.as_ref()) {
+            Some(Verdict::Trusted) | None => {}
+            // Without stabilize nobody asked, and many devices do not count.
+            Some(Verdict::Unknown { .. }) if record.run.policy.is_none() => {}
+            Some(verdict) => {
+                let _ = write!(text, "\n{}, {}: {verdict}.", point.scene.name, point.variant);
+            }
+        }
     }
     text
 }

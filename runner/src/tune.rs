@@ -92,6 +92,7 @@ pub fn tune(global: &Global, arguments: &args::Tune) -> anyhow::Result<()> {
     watch_for_interrupts("measurement")?;
     let session = Session::open(global)?;
     let telemetry = measure::telemetry(&session);
+    let held = measure::Held::of(&session);
     let defaults = Defaults::of(&session);
     let size = arguments.paths.size.unwrap_or(defaults.size);
     let scenes =
@@ -104,7 +105,8 @@ pub fn tune(global: &Global, arguments: &args::Tune) -> anyhow::Result<()> {
         busy_before_point: if defaults.cpu { Duration::ZERO } else { Duration::from_millis(50) },
         busy_before_view: Duration::ZERO,
         sampling: Sampling::exactly(1),
-        clock: measure::clock(&telemetry, arguments.paths.locked_clock, measure::LEAST_CLOCK),
+        clock: measure::clock(&telemetry, &held, arguments.paths.locked_clock, measure::LEAST_CLOCK),
+        held,
         counting: false,
     };
     let mut tuned = Vec::new();

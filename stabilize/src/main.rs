@@ -1,5 +1,8 @@
 //! Command line of stabilize.
 
+#[expect(dead_code, reason = "called as soon as there is something to lock for")]
+mod gpu;
+
 use clap::{CommandFactory, Parser};
 use std::ffi::OsString;
 use std::process::ExitCode;

@@ -353,6 +353,7 @@ mod tests {
                 finished: time,
                 stopped: crate::Stop::Precise,
                 unreliable: false,
+                verdict: None,
             });
             point
         };

@@ -38,6 +38,21 @@ pub fn example() -> Record {
             seed: 1,
             stopping: Some(Stopping { least: 2, most: 30, half_width: 0.01, seconds: 60.0 }),
             clock: Some(Clock { kind: ClockKind::Locked, mhz: 2835, least_share: 0.95 }),
+            policy: Some(Policy {
+                graphics: Hold {
+                    asked: "auto".into(),
+                    locked_mhz: Some(2835),
+                    delivered_mhz: Some(2835),
+                    remark: None,
+                },
+                memory: Hold {
+                    asked: "auto".into(),
+                    locked_mhz: None,
+                    delivered_mhz: None,
+                    remark: Some("the driver does not lock it".into()),
+                },
+                persistence: Some(true),
+            }),
         },
         sweep: Some(Sweep {
             title: "Traversal cost".into(),
@@ -217,6 +232,7 @@ fn measured(before: Timestamp, after: Timestamp) -> Point {
             finished: after,
             stopped: Stop::Precise,
             unreliable: false,
+            verdict: Some(Verdict::Trusted),
         }),
     }
 }
@@ -275,5 +291,55 @@ fn generated() -> Point {
             pictures: Vec::new(),
         }],
         measurement: None,
+    }
+}
+
+/// A report with something in every field, and a run that the heat slowed down: for tests and documentation.
+pub fn example_report() -> Report {
+    let record = example();
+    let view = &record.results[0].views[0];
+    let state = |reading: &Telemetry, heat: f64| State {
+        reading: reading.clone(),
+        throttled: ThrottleTimes(
+            [(ThrottleReason::SoftwarePowerCap, 0.0), (ThrottleReason::SoftwareThermalSlowdown, heat)].into(),
+        ),
+    };
+    let by = |reason, milliseconds, share| Throttling { reason, milliseconds, share };
+    let heat = by(ThrottleReason::SoftwareThermalSlowdown, 1260.0, 0.03);
+    Report {
+        schema: SCHEMA,
+        tool: Tool { name: "stabilize".into(), version: "0.1.0".into(), commit: None },
+        process: 4711,
+        process_started: 123_456,
+        command: ["runner", "sweep", "costs.toml", "-o", "out"].map(String::from).to_vec(),
+        started: record.started,
+        finished: record.finished,
+        status: Some(0),
+        left_behind: 0,
+        tolerance: TOLERANCE,
+        verdict: Verdict::Throttled { by: vec![heat.clone()] },
+        gpus: vec![Stabilized {
+            index: 0,
+            name: record.device.name.clone(),
+            uuid: format!("GPU-{}", record.device.uuid),
+            pci: record.device.pci.clone(),
+            driver: "570.124.04".into(),
+            policy: record.run.policy.clone().expect("the example has one"),
+            before: state(&view.before, 3500.0),
+            after: Some(state(&view.after, 4760.0)),
+            throttling: vec![by(ThrottleReason::SoftwarePowerCap, 0.0, 0.0), heat.clone()],
+            verdict: Verdict::Throttled { by: vec![heat] },
+            restored: vec![
+                Restoration { what: "graphics clock unlocked".into(), failed: None },
+                Restoration { what: "persistence mode off".into(), failed: Some("the GPU is lost".into()) },
+            ],
+            timeline: Vec::new(),
+        }],
+        awake: vec![Inhibition {
+            what: "screen saver".into(),
+            service: "org.freedesktop.ScreenSaver".into(),
+            refusal: Some("there is no session bus".into()),
+        }],
+        remarks: vec!["the memory clock is not locked: the driver does not lock it".into()],
     }
 }

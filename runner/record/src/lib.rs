@@ -26,6 +26,7 @@ mod host;
 mod kernel;
 mod parameters;
 mod point;
+mod stability;
 pub mod stats;
 mod sweep;
 mod telemetry;
@@ -34,7 +35,7 @@ mod validate;
 
 pub use derived::{PerRay, Rays, mean};
 pub use device::{Device, DeviceKind, Driver, Heap, Limits};
-pub use example::example;
+pub use example::{example, example_report};
 pub use file::{Error, replace};
 pub use host::{Commit, Host, Tool};
 pub use kernel::{Kernel, OccupancyLimit};
@@ -42,6 +43,10 @@ pub use parameters::{Parameters, Value};
 pub use point::{
     Adaptation, Build, Count, Counters, Exclusion, Launch, Measurement, Phase, Point, Repetition, Sample,
     Scene, Source, Stop, Tree, View,
+};
+pub use stability::{
+    Hold, Inhibition, Policy, REPORT_VARIABLE, Report, Restoration, Stabilized, State, TOLERANCE,
+    ThrottleTimes, Throttling, Verdict, process_started,
 };
 pub use sweep::{Drift, Part, Sweep};
 pub use telemetry::{Reading, Telemetry, ThrottleReason};
@@ -114,6 +119,9 @@ pub struct Run {
     /// What a sample's clock was held against; absent where no clock could be read, or none is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<Clock>,
+    /// How `stabilize` held the device's clocks; absent where it did not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub policy: Option<Policy>,
 }
 
 /// Samples of a point go on until its rates are known well enough.

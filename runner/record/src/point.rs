@@ -1,4 +1,4 @@
-use crate::{Kernel, Parameters, Telemetry, Timestamp};
+use crate::{Kernel, Parameters, Telemetry, Timestamp, Verdict};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -45,6 +45,9 @@ pub struct Measurement {
     /// than half. The rates are then hearsay.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub unreliable: bool,
+    /// Whether the device was slowed down between `started` and `finished`; absent in older records.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
 }
 
 fn is_zero(number: &u32) -> bool {

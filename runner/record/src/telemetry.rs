@@ -2,6 +2,7 @@ use crate::Timestamp;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
+use std::fmt;
 
 /// What the device said about itself at one moment. A sample without its clock is not trusted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -80,6 +81,23 @@ impl ThrottleReason {
                 | ThrottleReason::ApplicationsClocksSetting
                 | ThrottleReason::DisplayClockSetting
         )
+    }
+}
+
+impl fmt::Display for ThrottleReason {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            ThrottleReason::GpuIdle => "idle",
+            ThrottleReason::ApplicationsClocksSetting => "chosen clocks",
+            ThrottleReason::SoftwarePowerCap => "software power cap",
+            ThrottleReason::HardwareSlowdown => "hardware slowdown",
+            ThrottleReason::SyncBoost => "sync boost",
+            ThrottleReason::SoftwareThermalSlowdown => "software thermal slowdown",
+            ThrottleReason::HardwareThermalSlowdown => "hardware thermal slowdown",
+            ThrottleReason::HardwarePowerBrake => "hardware power brake",
+            ThrottleReason::DisplayClockSetting => "display clock",
+            ThrottleReason::Other => "another reason",
+        })
     }
 }
 

@@ -1,28 +1,38 @@
-//! Holds the examples in docs/record.md against the types, so that the page cannot grow stale.
+//! Holds the examples in the pages about files against the types, so that they cannot grow stale.
 
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-const PAGE: &str = include_str!("../../../docs/record.md");
-
-/// The JSON blocks of the page by the place in the record that the comment before them names.
-fn blocks() -> BTreeMap<String, Value> {
+/// The JSON blocks of a page by the place in the file that the comment before them names.
+fn blocks(page: &str) -> BTreeMap<String, Value> {
     let mut blocks = BTreeMap::new();
-    for part in PAGE.split("<!-- ").skip(1) {
+    for part in page.split("<!-- ").skip(1) {
         let (place, rest) = part.split_once(" -->\n```json\n").expect("a JSON block");
         let json = rest.split("\n```").next().unwrap();
         let value = serde_json::from_str(json).unwrap_or_else(|error| panic!("{place}: {error}"));
         blocks.insert(place.trim_end_matches('/').to_string(), value);
     }
-    assert_eq!(blocks.len(), PAGE.matches("```json").count(), "a block without its place");
+    assert_eq!(blocks.len(), page.matches("```json").count(), "a block without its place");
     blocks
 }
 
 #[test]
-fn the_page_shows_the_example_and_all_of_it() {
-    let example = serde_json::to_value(record::example()).unwrap();
-    let blocks = blocks();
-    assert!(blocks.contains_key("") && blocks.contains_key("/results/0"));
+fn the_page_about_records_shows_all_of_the_example() {
+    let page = include_str!("../../../docs/record.md");
+    assert!(blocks(page).contains_key("/results/0"));
+    shows_all(page, &serde_json::to_value(record::example()).unwrap());
+}
+
+#[test]
+fn the_page_about_stabilize_shows_all_of_the_example() {
+    let page = include_str!("../../../docs/stabilize.md");
+    assert!(blocks(page).contains_key("/gpus/0"));
+    shows_all(page, &serde_json::to_value(record::example_report()).unwrap());
+}
+
+fn shows_all(page: &str, example: &Value) {
+    let blocks = blocks(page);
+    assert!(blocks.contains_key(""));
     for (place, shown) in &blocks {
         let real = example.pointer(place).unwrap_or_else(|| panic!("nothing at {place}"));
         let (shown, real) = (shown.as_object().unwrap(), real.as_object().unwrap());

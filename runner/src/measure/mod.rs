@@ -1,11 +1,13 @@
 //! Measures one point: builds its tree, traces samples from its views until they tell enough, and says in the
 //! record's words what came of it.
 
+mod held;
 mod kernels;
 mod settle;
 mod start;
 mod stop;
 
+pub use held::Held;
 pub use start::{Defaults, LEAST_CLOCK, begin, clock, telemetry};
 pub use stop::Sampling;
 
@@ -44,6 +46,8 @@ pub struct Plan {
     pub sampling: Sampling,
     /// What a sample's clock is held against.
     pub clock: Option<record::Clock>,
+    /// How its clocks are held still.
+    pub held: Held,
     /// Whether to count what rays meet as well.
     pub counting: bool,
 }
@@ -109,6 +113,7 @@ impl Measuring<'_> {
         let plan = self.plan;
         let scene = &self.loaded.scene;
         let (started, clock) = (Timestamp::now(), Instant::now());
+        let throttled = self.telemetry.throttle_times();
         let mut repetitions = Vec::new();
         let warm_up = (plan.warm_up > 0).then_some(plan.busy_before_point);
         let plant =
@@ -132,6 +137,7 @@ impl Measuring<'_> {
                 finished: started,
                 stopped: Stop::Interrupted,
                 unreliable: false,
+                verdict: None,
             }),
         };
         let tracer = PathTracer::new(&self.session.gpu, &self.loaded.device, plan.size, &plan.path, true)?;
@@ -221,6 +227,9 @@ impl Measuring<'_> {
         measurement.finished = Timestamp::now();
         measurement.stopped = stopped;
         measurement.unreliable = unreliable;
+        let milliseconds = 1e3 * clock.elapsed().as_secs_f64();
+        measurement.verdict =
+            Some(plan.held.judge(&throttled, &self.telemetry.throttle_times(), milliseconds));
         Ok(Some(point))
     }
 

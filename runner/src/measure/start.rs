@@ -1,6 +1,6 @@
 //! What is settled before the first point is measured.
 
-use super::Plan;
+use super::{Held, Plan};
 use crate::{describe, host, session::Session, size::Size, telemetry::Telemetry};
 use record::{Clock, ClockKind, Record};
 use tracer::gpu::{DeviceKind, shaders};
@@ -35,10 +35,11 @@ pub fn telemetry(session: &Session) -> Telemetry {
     Telemetry::open(info.vendor_id, describe::uuid_bytes(&info.uuid), info.pci.as_deref())
 }
 
-/// The clock that samples are held against: the one that the device is said to be locked to, or else its base
-/// clock.
-pub fn clock(telemetry: &Telemetry, locked_mhz: Option<u32>, least_share: f64) -> Option<Clock> {
+/// The clock that samples are held against: the one that the device is said to be locked to, or that `stabilize`
+/// has locked it to, or else its base clock.
+pub fn clock(telemetry: &Telemetry, held: &Held, locked_mhz: Option<u32>, least_share: f64) -> Option<Clock> {
     let of = |kind| move |mhz| Clock { kind, mhz, least_share };
+    let locked_mhz = locked_mhz.or(held.locked_mhz());
     locked_mhz.map(of(ClockKind::Locked)).or_else(|| telemetry.base_clock().map(of(ClockKind::Base)))
 }
 
@@ -59,6 +60,7 @@ pub fn begin(session: &Session, plan: &Plan, host_name: bool) -> Record {
             seconds: sampling.time.as_secs_f64(),
         }),
         clock: plan.clock.clone(),
+        policy: plan.held.policy().cloned(),
     };
     let mut record =
         Record::new(host::tool(), host::gather(host_name), describe::device(session.gpu.info()), run);

@@ -12,7 +12,7 @@ use crate::{
     args::{self, Global},
     commands::print,
     config::{Config, Setup},
-    measure::{self, Defaults, Measuring, Plan, Sampling, Watch},
+    measure::{self, Defaults, Held, Measuring, Plan, Sampling, Watch},
     progress::{bar, remark},
     session::{Session, interrupted, watch_for_interrupts},
     shard, table,
@@ -52,7 +52,9 @@ pub fn sweep(global: &Global, arguments: &args::Sweep) -> anyhow::Result<()> {
     let session = Session::open(global)?;
     let telemetry = measure::telemetry(&session);
     let defaults = Defaults::of(&session);
-    let plan = plan(&config, &defaults, &telemetry, arguments.locked_clock);
+    let held = Held::of(&session);
+    let clock = measure::clock(&telemetry, &held, arguments.locked_clock, config.samples.least_clock);
+    let plan = plan(&config, &defaults, held, clock);
 
     let (points, too_large) = fitting(&session, points);
     if !too_large.is_empty() {
@@ -164,7 +166,7 @@ pub fn sweep(global: &Global, arguments: &args::Sweep) -> anyhow::Result<()> {
 }
 
 /// What is the same for all points.
-fn plan(config: &Config, defaults: &Defaults, telemetry: &Telemetry, locked: Option<u32>) -> Plan {
+fn plan(config: &Config, defaults: &Defaults, held: Held, clock: Option<record::Clock>) -> Plan {
     let samples = &config.samples;
     let (least, most) = if defaults.cpu { (3, 12) } else { (5, 60) };
     let least = samples.least.unwrap_or(least.min(samples.most.unwrap_or(least)));
@@ -182,7 +184,8 @@ fn plan(config: &Config, defaults: &Defaults, telemetry: &Telemetry, locked: Opt
             half_width: samples.half_width,
             time: samples.time,
         },
-        clock: measure::clock(telemetry, locked, samples.least_clock),
+        clock,
+        held,
         counting: true,
     }
 }
