@@ -17,7 +17,7 @@ use nvml_wrapper_sys::bindings::{
 use std::collections::BTreeMap;
 use std::ffi::{CStr, OsStr};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 use std::{env, fs, ptr, thread};
 
@@ -488,6 +488,16 @@ fn names_that_nothing_asks_for_are_refused() {
     assert!(!path.exists());
 }
 
+/// A process that does not outlive its test, even one that fails.
+struct Killed(Child);
+
+impl Drop for Killed {
+    fn drop(&mut self) {
+        self.0.kill().unwrap();
+        self.0.wait().unwrap();
+    }
+}
+
 #[test]
 fn a_killed_process_leaves_a_whole_state() {
     // So large that a write takes a while.
@@ -502,19 +512,18 @@ fn a_killed_process_leaves_a_whole_state() {
             }
         }
         let calls = || State::read(path).unwrap().calls.values().sum::<u64>();
-        for round in 0..40 {
+        for round in 0..25 {
             let before = calls();
-            let mut writer = Command::new(env::current_exe().unwrap())
+            let writer = Command::new(env::current_exe().unwrap())
                 .args(["a_killed_process_leaves_a_whole_state", "--exact", "--nocapture"])
                 .env(WRITER, "")
-                .spawn()
-                .unwrap();
+                .spawn();
+            let writer = Killed(writer.unwrap());
             while calls() == before {
                 thread::sleep(Duration::from_micros(200));
             }
             thread::sleep(Duration::from_micros(370 * round));
-            writer.kill().unwrap();
-            writer.wait().unwrap();
+            drop(writer);
             // Whole, and neither the lock nor a half-written file is in the way.
             let after = calls();
             State::edit(path, |state| state.gpus[0].locked_graphics = None).unwrap();
