@@ -2,6 +2,8 @@
 
 #[expect(dead_code, reason = "called as soon as there is something to lock for")]
 mod gpu;
+#[expect(dead_code, reason = "no command calls it yet")]
+mod screen;
 
 use clap::{CommandFactory, Parser};
 use std::ffi::OsString;
