@@ -1,52 +1,90 @@
-//! Command line of stabilize.
+//! Command line of stabilize: runs a command with the GPU's clocks held still, and puts everything back.
 
-#[expect(dead_code, reason = "called as soon as there is something to lock for")]
+mod args;
+mod clocks;
+mod command;
 mod gpu;
-#[expect(dead_code, reason = "no command calls it yet")]
+mod hands;
+mod hold;
+mod journal;
+mod plan;
+mod report;
+mod run;
 mod screen;
+mod signals;
+mod state;
+mod tools;
+mod user;
+mod voice;
+mod watchdog;
 
+use args::{Cli, Tool};
 use clap::{CommandFactory, Parser};
-use std::ffi::OsString;
+use signals::Interrupted;
 use std::process::ExitCode;
+use voice::say;
 
-/// Not built yet: will lock the GPU's clocks while a command runs.
-///
-/// THIS TOOL IS NOT BUILT YET. It changes nothing and runs nothing.
-///
-/// It will lock the clocks of the GPU and its memory, keep the screen awake, run CMD, put everything
-/// back however CMD ends, and say whether the run can be trusted: whether the GPU was slowed down by
-/// heat or power meanwhile.
-#[derive(Parser)]
-#[command(
-    version,
-    override_usage = "stabilize [OPTIONS] -- CMD…",
-    after_help = "Exit code: 125, because CMD was not run."
-)]
-struct Arguments {
-    /// The command to run, with its arguments.
-    #[arg(value_name = "CMD", trailing_var_arg = true, allow_hyphen_values = true)]
-    command: Vec<OsString>,
+/// How the program ends; `--help` lists the numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Exit(u8);
+
+impl Exit {
+    const DONE: Exit = Exit(0);
+    const NOT_TRUSTED: Exit = Exit(124);
+    const FAILED: Exit = Exit(125);
+    const CANNOT_RUN: Exit = Exit(126);
+    const NOT_FOUND: Exit = Exit(127);
+
+    /// As the command did.
+    fn of(status: i32) -> Exit {
+        Exit(u8::try_from(status & 0xff).expect("eight bits are left"))
+    }
 }
 
-/// As in `env`, `nice` and `timeout`: the wrapper itself failed, and the command was not run.
-const NOT_RUN: u8 = 125;
-
 fn main() -> ExitCode {
-    match Arguments::try_parse() {
-        Err(other) if other.use_stderr() => {
-            eprint!("{other}");
-        }
-        Err(help_or_version) => {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
             // A reader that has gone away is no failure.
-            let _ = help_or_version.print();
-            return ExitCode::SUCCESS;
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { Exit::FAILED.0 } else { 0 });
         }
-        Ok(arguments) => {
-            eprint!("{}", Arguments::command().render_long_help());
-            if !arguments.command.is_empty() {
-                eprintln!("\nDid not run {:?}.", arguments.command);
-            }
+    };
+    let done = match safe() {
+        Ok(()) => dispatch(&cli),
+        Err(error) => Err(error),
+    };
+    let exit = done.unwrap_or_else(|error| {
+        say(format_args!("{error:#}"));
+        match error.downcast_ref() {
+            Some(Interrupted(signal)) => Exit::of(128 + *signal as i32),
+            None => Exit::FAILED,
+        }
+    });
+    ExitCode::from(exit.0)
+}
+
+fn dispatch(cli: &Cli) -> anyhow::Result<Exit> {
+    match &cli.tool {
+        None => run::run(&cli.options),
+        Some(Tool::Status) => tools::status(),
+        Some(Tool::Restore { restore_to }) => tools::restore(*restore_to),
+        Some(Tool::Doctor) => tools::doctor(),
+        Some(Tool::Watchdog { journals }) => watchdog::watch(journals).map(|()| Exit::DONE),
+        Some(Tool::Completions { shell }) => {
+            clap_complete::generate(*shell, &mut Cli::command(), "stabilize", &mut std::io::stdout());
+            Ok(Exit::DONE)
+        }
+        Some(Tool::Man) => {
+            clap_mangen::Man::new(Cli::command()).render(&mut std::io::stdout())?;
+            Ok(Exit::DONE)
         }
     }
-    ExitCode::from(NOT_RUN)
+}
+
+/// A program with the set-user-ID bit trusts the environment of whoever starts it; this one must not be such.
+fn safe() -> anyhow::Result<()> {
+    let same = nix::unistd::getuid() == nix::unistd::geteuid();
+    anyhow::ensure!(same, "this program must not have the set-user-ID bit; start it through sudo");
+    Ok(())
 }

@@ -13,9 +13,10 @@ mod words;
 #[cfg(test)]
 mod tests;
 
+use crate::user::Rights;
 use address::Addresses;
-pub use connect::BusUser;
 use connect::connect;
+use record::Inhibition;
 use services::{LOGIN, SAVER, Saver, Service, inhibit_idle, inhibit_saver, presence};
 use std::cell::Cell;
 use std::env;
@@ -38,17 +39,6 @@ pub struct Screen {
     saver: Option<Saver>,
     /// logind holds off idleness and sleep until this is closed. Its connection is of no more use.
     _idle: Option<OwnedFd>,
-}
-
-/// What became of one of the two requests.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Inhibition {
-    /// What is to be held off: `screen saver`, or `idle and sleep`.
-    pub what: &'static str,
-    /// The name on D-Bus of the service that was asked.
-    pub service: &'static str,
-    /// Why it is not held off, on one line that starts in lower case; none if it is.
-    pub refusal: Option<String>,
 }
 
 /// Whether a service could be asked.
@@ -86,12 +76,12 @@ impl Screen {
     /// while the screen saver is held off; it takes over the caller's signal mask.
     ///
     /// Neither this nor the drop may be called from within an asynchronous task.
-    pub fn awake(bus_user: Option<&BusUser>, reason: &str, limit: Duration) -> Screen {
+    pub fn awake(bus_user: Option<&Rights>, reason: &str, limit: Duration) -> Screen {
         let addresses = Addresses::find(bus_user, |name| env::var_os(name));
         Screen::awake_at(&addresses, bus_user, reason, limit)
     }
 
-    fn awake_at(addresses: &Addresses, bus_user: Option<&BusUser>, reason: &str, limit: Duration) -> Screen {
+    fn awake_at(addresses: &Addresses, bus_user: Option<&Rights>, reason: &str, limit: Duration) -> Screen {
         let (saver, idle) = ask_both(
             addresses,
             bus_user,
@@ -101,8 +91,11 @@ impl Screen {
         );
         let (saver, saver_refusal) = apart(saver);
         let (idle, idle_refusal) = apart(idle);
-        let outcome =
-            |service: &Service, refusal| Inhibition { what: service.what, service: service.name, refusal };
+        let outcome = |service: &Service, refusal| Inhibition {
+            what: service.what.into(),
+            service: service.name.into(),
+            refusal,
+        };
         Screen {
             outcomes: [outcome(&SAVER, saver_refusal), outcome(&LOGIN, idle_refusal)],
             saver,
@@ -130,11 +123,11 @@ impl Drop for Screen {
 
 /// Asks both buses about the two services, within `limit`, without holding anything off: the screen
 /// saver, then logind. What [`Screen::awake`] says about `bus_user` and threads holds here too.
-pub fn probe(bus_user: Option<&BusUser>, limit: Duration) -> [Reach; 2] {
+pub fn probe(bus_user: Option<&Rights>, limit: Duration) -> [Reach; 2] {
     probe_at(&Addresses::find(bus_user, |name| env::var_os(name)), bus_user, limit)
 }
 
-fn probe_at(addresses: &Addresses, bus_user: Option<&BusUser>, limit: Duration) -> [Reach; 2] {
+fn probe_at(addresses: &Addresses, bus_user: Option<&Rights>, limit: Duration) -> [Reach; 2] {
     let (saver, login) = ask_both(
         addresses,
         bus_user,
@@ -153,7 +146,7 @@ fn probe_at(addresses: &Addresses, bus_user: Option<&BusUser>, limit: Duration) 
 /// Connects to both buses, and has both asked at once. `limit` is for each, from the handshake on.
 fn ask_both<S, L>(
     addresses: &Addresses,
-    bus_user: Option<&BusUser>,
+    bus_user: Option<&Rights>,
     limit: Duration,
     saver: impl AsyncFnOnce(Connection) -> Result<S, String>,
     login: impl AsyncFnOnce(Connection) -> Result<L, String>,

@@ -3,7 +3,7 @@
 use super::{Answer, Change, Domain, Gpu, Identity, Trouble, Vendor};
 use nvml_wrapper::enum_wrappers::device::{Clock, ClockId};
 use nvml_wrapper::enums::device::GpuLockedClocksSetting;
-use nvml_wrapper::error::NvmlError;
+use nvml_wrapper::error::{NvmlError, nvml_try, nvml_try_count};
 use nvml_wrapper::{Device, Nvml};
 use record::{Telemetry, ThrottleTimes};
 use std::rc::Rc;
@@ -72,7 +72,7 @@ impl Gpu for Nvidia {
             // Which graphics clocks there are goes by the memory's; the highest has them all.
             Domain::Graphics => memory.and_then(|memory| {
                 let highest = memory.into_iter().max().ok_or(NvmlError::NotSupported)?;
-                device.supported_graphics_clocks(highest)
+                graphics_clocks(&device, highest)
             }),
         };
         match steps {
@@ -153,6 +153,26 @@ impl Gpu for Nvidia {
         }
         (!nix::unistd::geteuid().is_root()).then_some(Trouble::NoPermission)
     }
+}
+
+/// The graphics clocks in MHz that go with a memory clock. The wrapper's own function gives zeros where there are
+/// more than 128, because it takes "too little room" for an answer.
+fn graphics_clocks(device: &Device, memory_mhz: u32) -> Result<Vec<u32>, NvmlError> {
+    let function = device
+        .nvml()
+        .lib()
+        .nvmlDeviceGetSupportedGraphicsClocks
+        .as_ref()
+        .map_err(|error| NvmlError::FailedToLoadSymbol(error.to_string()))?;
+    let mut count = 0;
+    // SAFETY: the handle belongs to the library that the function comes from. With a count of zero nothing is
+    // written but the count.
+    nvml_try_count(unsafe { function(device.handle(), memory_mhz, &mut count, std::ptr::null_mut()) })?;
+    let mut clocks = vec![0; count as usize];
+    // SAFETY: as above; `clocks` has room for as many as `count` says.
+    nvml_try(unsafe { function(device.handle(), memory_mhz, &mut count, clocks.as_mut_ptr()) })?;
+    clocks.truncate(count as usize);
+    Ok(clocks)
 }
 
 impl From<Domain> for Clock {

@@ -1,6 +1,6 @@
 //! Where the buses are.
 
-use super::BusUser;
+use crate::user::Rights;
 use std::ffi::{OsStr, OsString};
 use std::fmt;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
@@ -30,7 +30,7 @@ impl Addresses {
     ///
     /// For a `bus_user` this process is root and the environment the user's, in part: then only
     /// the session bus is taken from it, and only a socket.
-    pub(super) fn find(bus_user: Option<&BusUser>, get: impl Fn(&str) -> Option<OsString>) -> Addresses {
+    pub(super) fn find(bus_user: Option<&Rights>, get: impl Fn(&str) -> Option<OsString>) -> Addresses {
         let get = |name| get(name).filter(|value| !value.is_empty());
         let list = |name| get(name).map(|list| parse(&list.to_string_lossy())).unwrap_or_default();
 
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     fn find(bus_user: Option<u32>, variables: &[(&str, &str)]) -> Addresses {
-        let user = bus_user.map(|uid| BusUser { uid, gid: uid });
+        let user = bus_user.map(|uid| Rights { uid: uid.into(), gid: uid.into(), groups: Vec::new() });
         Addresses::find(user.as_ref(), |name| {
             variables.iter().find(|(known, _)| *known == name).map(|(_, value)| value.into())
         })

@@ -34,8 +34,8 @@ fn awake(addresses: &Addresses, limit: Duration) -> Screen {
 /// Why the screen saver and why idleness are not held off; empty if they are.
 fn refusals(screen: &Screen) -> [String; 2] {
     let [saver, idle] = screen.outcomes() else { panic!("{:?}", screen.outcomes()) };
-    assert_eq!((saver.what, saver.service), ("screen saver", "org.freedesktop.ScreenSaver"));
-    assert_eq!((idle.what, idle.service), ("idle and sleep", "org.freedesktop.login1"));
+    assert_eq!((&*saver.what, &*saver.service), ("screen saver", "org.freedesktop.ScreenSaver"));
+    assert_eq!((&*idle.what, &*idle.service), ("idle and sleep", "org.freedesktop.login1"));
     [saver, idle].map(|outcome| outcome.refusal.clone().unwrap_or_default())
 }
 
@@ -311,7 +311,11 @@ fn helper_that_holds() {
 }
 
 /// The user `nobody` of most distributions. That there is one by that name does not matter.
-const NOBODY: BusUser = BusUser { uid: 65534, gid: 65534 };
+const NOBODY: u32 = 65534;
+
+fn nobody() -> Rights {
+    Rights { uid: NOBODY.into(), gid: NOBODY.into(), groups: vec![NOBODY.into()] }
+}
 
 #[test]
 fn root_gets_on_the_bus_of_another_user() {
@@ -321,14 +325,14 @@ fn root_gets_on_the_bus_of_another_user() {
         writeln!(std::io::stderr(), "{line}").unwrap();
         return;
     }
-    let session = Bus::start_as(NOBODY.uid, NOBODY.gid);
+    let session = Bus::start_as(NOBODY, NOBODY);
     let saver = session.screen_saver("/org/freedesktop/ScreenSaver");
     session.shut_others_out();
     // Ids belong to a whole process, so a helper's are switched.
     let mut helper = Helper::start("helper_that_is_root", &[(SESSION, session.address())]);
     assert!(helper.says("holding"));
     let held = saver.held();
-    assert_eq!(held.iter().map(|held| held.uid).collect::<Vec<_>>(), [NOBODY.uid]);
+    assert_eq!(held.iter().map(|held| held.uid).collect::<Vec<_>>(), [NOBODY]);
     helper.0.kill().unwrap();
     assert!(saver.comes_to_hold(0));
 }
@@ -348,9 +352,9 @@ fn helper_that_is_root() {
     let without = awake(&addresses, AMPLE);
     assert_eq!(refusals(&without)[0], "the session bus does not let user 0 in; it may be another user's");
 
-    let with = Screen::awake_at(&addresses, Some(&NOBODY), "tests", AMPLE);
+    let with = Screen::awake_at(&addresses, Some(&nobody()), "tests", AMPLE);
     assert_eq!(refusals(&with)[0], "");
-    let reach = probe_at(&addresses, Some(&NOBODY), AMPLE);
+    let reach = probe_at(&addresses, Some(&nobody()), AMPLE);
     assert_eq!(reach[0].presence, Ok(Presence::Running));
     assert_eq!(before, ids(), "ids are not what they were");
 
@@ -358,7 +362,7 @@ fn helper_that_is_root() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bus");
     let _bus = UnixListener::bind(&path).unwrap();
-    let refused = connect(&[Place::Path(path.clone())], Some(&NOBODY), SAVER.bus).err().unwrap();
+    let refused = connect(&[Place::Path(path.clone())], Some(&nobody()), SAVER.bus).err().unwrap();
     let reason = format!("cannot connect to the session bus at {}: Permission denied", path.display());
     assert_eq!(refused, reason);
     assert_eq!(before, ids(), "ids are not what they were");

@@ -1,0 +1,193 @@
+//! A GPU that is held: every change goes through here, so that each is in the journal before it is made, and all
+//! are taken back however this ends.
+
+use crate::gpu::{Change, Domain, Found, Gpu, Trouble};
+use crate::journal::{Entry, Holder, Journal};
+use record::Restoration;
+use std::time::Duration;
+
+/// A GPU that this process holds.
+pub struct Held<'a> {
+    gpu: &'a dyn Gpu,
+    journal: Journal,
+    /// What clocks are locked to at the end, instead of being left to the driver.
+    to: RestoreTo,
+    restored: bool,
+}
+
+/// Clocks in MHz that somebody else had locked, and that are locked again at the end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RestoreTo {
+    /// The graphics clock.
+    pub graphics: Option<u32>,
+    /// The memory clock.
+    pub memory: Option<u32>,
+}
+
+impl RestoreTo {
+    fn of(self, domain: Domain) -> Option<u32> {
+        match domain {
+            Domain::Graphics => self.graphics,
+            Domain::Memory => self.memory,
+        }
+    }
+
+    /// What takes a lock back.
+    fn instead_of(self, undo: Change) -> Change {
+        match undo {
+            Change::Unlock { domain } => match self.of(domain) {
+                Some(mhz) => Change::Lock { domain, mhz },
+                None => Change::Unlock { domain },
+            },
+            undo => undo,
+        }
+    }
+}
+
+impl<'a> Held<'a> {
+    /// Holds a GPU whose journal has been begun.
+    pub fn new(gpu: &'a dyn Gpu, journal: Journal, to: RestoreTo) -> Self {
+        Self { gpu, journal, to, restored: false }
+    }
+
+    /// The GPU.
+    pub fn gpu(&self) -> &'a dyn Gpu {
+        self.gpu
+    }
+
+    /// Its journal.
+    pub fn journal(&self) -> &Journal {
+        &self.journal
+    }
+
+    /// Changes something, with a way back: what was in force before the first change of its kind.
+    ///
+    /// # Errors
+    /// The GPU refuses, or the journal cannot be written; then nothing has been changed.
+    pub fn change(&mut self, change: &Change) -> Result<(), Trouble> {
+        let broken = |error: &dyn std::fmt::Display| Trouble::Other(format!("the journal: {error}"));
+        let entries = self.journal.contents().map_err(|error| broken(&error))?;
+        let entries = entries.map(|contents| contents.entries).unwrap_or_default();
+        let undo = self.gpu.undo_of(change)?.map(|undo| self.to.instead_of(undo));
+        // The way back from a second lock of the same clock is that of the first.
+        let known = undo.as_ref().is_none_or(|undo| entries.iter().any(|entry| entry.undo == *undo));
+        if let (false, Some(undo)) = (known, undo) {
+            let entry = Entry { change: change.clone(), undo };
+            self.journal.announce(&entry).map_err(|error| broken(&error))?;
+        }
+        let done = self.gpu.apply(change);
+        // These say that nothing has been done, so nothing is to be undone.
+        if !known && let Err(Trouble::NoPermission | Trouble::NotSupported | Trouble::Missing(_)) = done {
+            self.journal.undone(entries.len()).map_err(|error| broken(&error))?;
+        }
+        done
+    }
+
+    /// Takes back the lock of one clock.
+    ///
+    /// # Errors
+    /// The GPU refuses; it will be tried again at the end.
+    pub fn release(&mut self, domain: Domain) -> Result<(), Trouble> {
+        let contents = self.journal.contents().map_err(|error| Trouble::Other(error.to_string()))?;
+        let Some(contents) = contents else { return Ok(()) };
+        for (number, entry) in contents.pending() {
+            if matches!(entry.change, Change::Lock { domain: locked, .. } if locked == domain) {
+                self.gpu.apply(&entry.undo)?;
+                self.journal.undone(number).map_err(|error| Trouble::Other(error.to_string()))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes everything back, and says what came of it.
+    pub fn restore(&mut self) -> Vec<Restoration> {
+        self.restored = true;
+        restore(self.gpu, &mut self.journal, RestoreTo::default())
+    }
+}
+
+impl Drop for Held<'_> {
+    /// On every way out that is not the usual one, a panic included.
+    fn drop(&mut self) {
+        if !self.restored {
+            self.restore();
+        }
+    }
+}
+
+/// Takes back what a journal says is still to be taken back, the last change first. What fails stays in the
+/// journal. Clocks are locked to what `to` says, instead of being left free.
+pub fn restore(gpu: &dyn Gpu, journal: &mut Journal, to: RestoreTo) -> Vec<Restoration> {
+    let failed = |what: String, why: String| Restoration { what, failed: Some(why) };
+    let contents = match journal.contents() {
+        Ok(Some(contents)) => contents,
+        Ok(None) => return Vec::new(),
+        Err(error) => return vec![failed("all that the journal held".into(), format!("{error:#}"))],
+    };
+    let mut done = Vec::new();
+    for (number, entry) in contents.pending() {
+        let undo = to.instead_of(entry.undo.clone());
+        let what = undo.to_string();
+        done.push(match insist(gpu, &undo) {
+            Ok(()) => match journal.undone(number) {
+                Ok(()) => Restoration { what, failed: None },
+                Err(error) => failed(what, format!("done, but the journal cannot be written: {error}")),
+            },
+            Err(trouble) => failed(what, trouble.to_string()),
+        });
+    }
+    if done.iter().all(|restoration| restoration.failed.is_none())
+        && let Err(error) = journal.clear()
+    {
+        done.push(failed("the journal emptied".into(), error.to_string()));
+    }
+    done
+}
+
+/// The same for a journal whose GPU is still to be found.
+pub fn repair(found: &Found, journal: &mut Journal, to: RestoreTo) -> Vec<Restoration> {
+    let gone = |holder: &Holder| Restoration {
+        what: format!("{} ({})", holder.gpu.name, holder.gpu.uuid),
+        failed: Some(match found.missing.first() {
+            Some(why) => format!("it cannot be found: {why}"),
+            None => "it cannot be found".into(),
+        }),
+    };
+    let holder = match journal.contents() {
+        Ok(Some(contents)) if !contents.pending().is_empty() => contents.holder,
+        _ => return Vec::new(),
+    };
+    let same = |gpu: &&dyn Gpu| {
+        let (one, other) = (gpu.identity(), &holder.gpu);
+        (one.vendor, &one.uuid) == (other.vendor, &other.uuid)
+    };
+    match found.gpus.iter().map(AsRef::as_ref).find(same) {
+        Some(gpu) => restore(gpu, journal, to),
+        None => vec![gone(&holder)],
+    }
+}
+
+/// What came of putting something back, in words.
+pub fn put_back(restoration: &Restoration) -> String {
+    match &restoration.failed {
+        None => format!("put back: {}", restoration.what),
+        Some(why) => {
+            format!("NOT put back: {}: {why}. Once that is mended: sudo stabilize restore", restoration.what)
+        }
+    }
+}
+
+/// Applies a change, a few times where the trouble may pass.
+fn insist(gpu: &dyn Gpu, change: &Change) -> Result<(), Trouble> {
+    const TRIES: u32 = 3;
+    let mut tries = 1;
+    loop {
+        match gpu.apply(change) {
+            Err(Trouble::Other(_)) if tries < TRIES => {
+                std::thread::sleep(Duration::from_millis(50));
+                tries += 1;
+            }
+            answer => return answer,
+        }
+    }
+}

@@ -1,0 +1,5 @@
+//! Drives the real binary against stand-ins for NVML, for amdgpu's files and for the services on D-Bus.
+
+mod clocks;
+mod command;
+mod machine;
