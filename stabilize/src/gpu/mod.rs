@@ -1,5 +1,6 @@
 //! GPUs whose clocks can be held still.
 
+mod amd;
 mod nvidia;
 
 use record::{Telemetry, ThrottleTimes};
@@ -152,6 +153,10 @@ pub struct Found {
 pub fn find() -> Found {
     let mut found = Found { gpus: Vec::new(), missing: Vec::new() };
     match nvidia::find() {
+        Ok(gpus) => found.gpus.extend(gpus.into_iter().map(|gpu| Box::new(gpu) as Box<dyn Gpu>)),
+        Err(reason) => found.missing.push(reason),
+    }
+    match amd::root().and_then(|root| amd::find(&root)) {
         Ok(gpus) => found.gpus.extend(gpus.into_iter().map(|gpu| Box::new(gpu) as Box<dyn Gpu>)),
         Err(reason) => found.missing.push(reason),
     }
