@@ -79,7 +79,16 @@ impl<'a> Hands<'a> {
         self.watchdog = None;
         let held = || self.held.iter().filter_map(|(_, held)| held.as_ref().ok());
         if held().next().is_some() {
-            self.watchdog = Some(Watchdog::start(held().map(Held::journal))?);
+            // Whoever kills one may kill the next before it is ready.
+            let mut tries = 0;
+            let started = loop {
+                tries += 1;
+                match Watchdog::start(held().map(Held::journal)) {
+                    Err(_) if tries < 5 => {}
+                    started => break started?,
+                }
+            };
+            self.watchdog = Some(started);
         }
         Ok(())
     }

@@ -115,10 +115,13 @@ impl Drop for Held<'_> {
     }
 }
 
+fn failed(what: String, why: String) -> Restoration {
+    Restoration { what, failed: Some(why) }
+}
+
 /// Takes back what a journal says is still to be taken back, the last change first. What fails stays in the
 /// journal. Clocks are locked to what `to` says, instead of being left free.
 pub fn restore(gpu: &dyn Gpu, journal: &mut Journal, to: RestoreTo) -> Vec<Restoration> {
-    let failed = |what: String, why: String| Restoration { what, failed: Some(why) };
     let contents = match journal.contents() {
         Ok(Some(contents)) => contents,
         Ok(None) => return Vec::new(),
@@ -155,7 +158,15 @@ pub fn repair(found: &Found, journal: &mut Journal, to: RestoreTo) -> Vec<Restor
     };
     let holder = match journal.contents() {
         Ok(Some(contents)) if !contents.pending().is_empty() => contents.holder,
-        _ => return Vec::new(),
+        // Nothing had been changed yet, or all had been put back.
+        Ok(_) => {
+            let emptied = journal.clear().err();
+            return emptied
+                .map(|error| failed("the journal emptied".into(), error.to_string()))
+                .into_iter()
+                .collect();
+        }
+        Err(error) => return vec![failed("all that the journal held".into(), format!("{error:#}"))],
     };
     let same = |gpu: &&dyn Gpu| {
         let (one, other) = (gpu.identity(), &holder.gpu);
@@ -177,17 +188,147 @@ pub fn put_back(restoration: &Restoration) -> String {
     }
 }
 
-/// Applies a change, a few times where the trouble may pass.
+/// Makes a change, and looks whether it is in force where that can be seen; a few times where the trouble may pass.
 fn insist(gpu: &dyn Gpu, change: &Change) -> Result<(), Trouble> {
     const TRIES: u32 = 3;
     let mut tries = 1;
     loop {
-        match gpu.apply(change) {
+        let done = gpu.apply(change).and_then(|()| match gpu.undo_of(change) {
+            // What would take it back is what is in force. A lock's is not: no driver tells what is locked.
+            Ok(Some(now @ (Change::Persistence { .. } | Change::Level { .. }))) if now != *change => {
+                Err(Trouble::Other(format!("the driver accepted it, but {now} is in force")))
+            }
+            _ => Ok(()),
+        });
+        match done {
             Err(Trouble::Other(_)) if tries < TRIES => {
                 std::thread::sleep(Duration::from_millis(50));
                 tries += 1;
             }
             answer => return answer,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::{Answer, Identity, Vendor};
+    use crate::state::Folder;
+    use record::{Telemetry, ThrottleTimes};
+    use std::cell::{Cell, RefCell};
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+
+    /// A GPU that remembers what is in force.
+    struct Plain {
+        identity: Identity,
+        persistence: Cell<bool>,
+        locks: RefCell<Vec<(Domain, u32)>>,
+    }
+
+    impl Plain {
+        fn new() -> Plain {
+            let (name, uuid) = ("GPU".into(), "GPU-1".into());
+            let identity = Identity { vendor: Vendor::Nvidia, name, uuid, pci: None, driver: String::new() };
+            Plain { identity, persistence: Cell::new(false), locks: RefCell::default() }
+        }
+
+        fn is_as_before(&self) -> bool {
+            !self.persistence.get() && self.locks.borrow().is_empty()
+        }
+    }
+
+    impl Gpu for Plain {
+        fn identity(&self) -> &Identity {
+            &self.identity
+        }
+        fn clock(&self, _: Domain) -> Answer<u32> {
+            Ok(1000)
+        }
+        fn highest(&self, _: Domain) -> Answer<u32> {
+            Ok(1000)
+        }
+        fn base(&self, _: Domain) -> Answer<u32> {
+            Ok(1000)
+        }
+        fn steps(&self, _: Domain) -> Answer<Vec<u32>> {
+            Ok(Vec::new())
+        }
+        fn reading(&self) -> Telemetry {
+            Telemetry::unavailable("there is none")
+        }
+        fn throttle_times(&self) -> ThrottleTimes {
+            ThrottleTimes::default()
+        }
+        fn persistence(&self) -> Answer<Option<bool>> {
+            Ok(Some(self.persistence.get()))
+        }
+        fn preparations(&self) -> Answer<Vec<Change>> {
+            Ok(Vec::new())
+        }
+        fn undo_of(&self, change: &Change) -> Answer<Option<Change>> {
+            Ok(match change {
+                Change::Persistence { .. } => Some(Change::Persistence { on: self.persistence.get() }),
+                Change::Lock { domain, .. } => Some(Change::Unlock { domain: *domain }),
+                _ => None,
+            })
+        }
+        fn apply(&self, change: &Change) -> Answer<()> {
+            match *change {
+                Change::Persistence { on } => self.persistence.set(on),
+                Change::Lock { domain, mhz } => {
+                    self.locks.borrow_mut().retain(|&(locked, _)| locked != domain);
+                    self.locks.borrow_mut().push((domain, mhz));
+                }
+                Change::Unlock { domain } => self.locks.borrow_mut().retain(|&(locked, _)| locked != domain),
+                Change::Level { .. } => return Err(Trouble::NotSupported),
+            }
+            Ok(())
+        }
+        fn obstacle(&self, _: Domain) -> Option<Trouble> {
+            None
+        }
+    }
+
+    fn held<'a>(gpu: &'a Plain, folder: &Folder, to: RestoreTo) -> Held<'a> {
+        let mut journal = Journal::lock(folder, gpu.identity()).unwrap().ok().unwrap();
+        journal.begin(&Holder::this(gpu.identity(), 0, "me", &[])).unwrap();
+        Held::new(gpu, journal, to)
+    }
+
+    const LOCK: Change = Change::Lock { domain: Domain::Graphics, mhz: 900 };
+
+    #[test]
+    fn a_panic_puts_everything_back() {
+        let path = tempfile::tempdir().unwrap();
+        let folder = Folder::open(path.path()).unwrap();
+        let gpu = Plain::new();
+        let ended = catch_unwind(AssertUnwindSafe(|| {
+            let mut held = held(&gpu, &folder, RestoreTo::default());
+            held.change(&Change::Persistence { on: true }).unwrap();
+            held.change(&LOCK).unwrap();
+            assert!(!gpu.is_as_before());
+            panic!("on purpose");
+        }));
+        assert!(ended.is_err() && gpu.is_as_before());
+        let journal = Journal::lock(&folder, gpu.identity()).unwrap().ok().unwrap();
+        assert_eq!(journal.contents().unwrap(), None);
+    }
+
+    #[test]
+    fn the_way_back_is_that_of_the_first_change() {
+        let path = tempfile::tempdir().unwrap();
+        let folder = Folder::open(path.path()).unwrap();
+        let gpu = Plain::new();
+        let mut held = held(&gpu, &folder, RestoreTo { graphics: Some(700), memory: None });
+        held.change(&LOCK).unwrap();
+        held.change(&Change::Lock { domain: Domain::Graphics, mhz: 800 }).unwrap();
+        held.change(&Change::Lock { domain: Domain::Memory, mhz: 500 }).unwrap();
+        let restored: Vec<String> = held.restore().iter().map(put_back).collect();
+        assert_eq!(
+            restored,
+            ["put back: memory clock unlocked", "put back: graphics clock locked to 700 MHz"]
+        );
+        assert_eq!(*gpu.locks.borrow(), [(Domain::Graphics, 700)]);
     }
 }

@@ -28,7 +28,10 @@ pub fn status() -> anyhow::Result<Exit> {
         for name in state::names(&folder)? {
             let path = folder.join(name);
             let file = File::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
-            journals.extend(Contents::of(&file).with_context(|| path.display().to_string())?);
+            let contents = Contents::of(&file).with_context(|| path.display().to_string())?;
+            // One that was killed before it changed anything holds nothing.
+            let holds = |contents: &Contents| contents.holder.is_alive() || !contents.pending().is_empty();
+            journals.extend(contents.filter(holds));
         }
     }
     let found = gpu::find();

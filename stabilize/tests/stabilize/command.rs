@@ -1,6 +1,6 @@
 //! The command: its streams, its status, its signals, its children.
 
-use crate::machine::{Machine, Ran, appears, eventually};
+use crate::machine::{Machine, Ran, appears, eventually, waiting};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use std::fs;
@@ -109,7 +109,7 @@ fn signals_are_passed_on() {
     for signal in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP, Signal::SIGQUIT] {
         let ready = machine.path("ready");
         let name = signal.as_str().trim_start_matches("SIG");
-        let script = format!("trap 'exit 9' {name}; touch {}; while :; do sleep 0.01; done", ready.display());
+        let script = format!("trap 'exit 9' {name}; {}", waiting(&ready, &machine.path("go")));
         let mut child = machine.stabilize(&["-q", "--", "sh", "-c", &script]).spawn().unwrap();
         appears(&ready);
         assert_ne!(machine.settings(), before);
@@ -125,7 +125,7 @@ fn a_command_that_does_not_heed_them_is_killed_when_asked() {
     let machine = Machine::new();
     let before = machine.settings();
     let ready = machine.path("ready");
-    let script = format!("trap '' TERM; touch {}; while :; do sleep 0.01; done", ready.display());
+    let script = format!("trap '' TERM; {}", waiting(&ready, &machine.path("go")));
     let mut child =
         machine.stabilize(&["-q", "--kill-after", "0.2", "--", "sh", "-c", &script]).spawn().unwrap();
     appears(&ready);
@@ -170,7 +170,7 @@ fn nohup_has_its_way() {
     let machine = Machine::new();
     let ready = machine.path("ready");
     let go = machine.path("go");
-    let script = format!("touch {}; while ! [ -e {} ]; do sleep 0.01; done", ready.display(), go.display());
+    let script = waiting(&ready, &go);
     let stabilize = env!("CARGO_BIN_EXE_stabilize");
     let mut command = machine.program("nohup");
     command.args([stabilize, "-q", "--settle", "0.05", "--", "sh", "-c", &script]);
@@ -198,7 +198,7 @@ fn two_of_them_do_not_fight() {
     let machine = Machine::new();
     let before = machine.settings();
     let (ready, go) = (machine.path("ready"), machine.path("go"));
-    let script = format!("touch {}; while ! [ -e {} ]; do sleep 0.01; done", ready.display(), go.display());
+    let script = waiting(&ready, &go);
     let mut first = machine.stabilize(&["-q", "--", "sh", "-c", &script]).spawn().unwrap();
     appears(&ready);
     let second = machine.run(&["--", "true"]);

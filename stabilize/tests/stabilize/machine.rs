@@ -141,3 +141,8 @@ pub fn eventually(limit: Duration, what: &str, so: impl Fn() -> bool) {
 pub fn appears(path: &Path) {
     eventually(Duration::from_secs(20), &format!("{} appears", path.display()), || path.exists());
 }
+
+/// A script that makes one file and waits for another. It ends with the computer, lest it outlive the tests.
+pub fn waiting(ready: &Path, go: &Path) -> String {
+    format!("touch {0}; while [ -e {0} ] && ! [ -e {1} ]; do sleep 0.01; done", ready.display(), go.display())
+}

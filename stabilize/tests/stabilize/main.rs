@@ -2,4 +2,6 @@
 
 mod clocks;
 mod command;
+mod faults;
 mod machine;
+mod restore;
