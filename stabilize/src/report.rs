@@ -4,6 +4,7 @@ use crate::user::{Invoker, acting};
 use crate::voice::Voice;
 use anyhow::Context;
 use record::{Inhibition, Report, Stabilized, Timestamp, Tool, Verdict};
+use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempPath;
 
@@ -75,12 +76,12 @@ impl<'a> ReportFile<'a> {
     /// # Errors
     /// That user cannot write there.
     pub fn write(&self, report: &Report) -> anyhow::Result<()> {
-        let json = serde_json::to_vec_pretty(report)?;
-        let write = || {
-            record::replace(&self.path, |out| {
-                out.write_all(&json)?;
-                out.write_all(b"\n")
-            })
+        let mut json = serde_json::to_vec_pretty(report)?;
+        json.push(b'\n');
+        let write = || match self.temporary {
+            // The command alone reads it, and only while nobody writes it: no need to wait for the disk.
+            Some(_) => fs::write(&self.path, &json),
+            None => record::replace(&self.path, |out| out.write_all(&json)),
         };
         acting(self.invoker.map(|invoker| &invoker.rights), write)?
             .with_context(|| format!("cannot write the report to {}", self.path.display()))
