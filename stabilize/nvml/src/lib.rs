@@ -131,24 +131,25 @@ pub fn throttle_times(device: &Device) -> ThrottleTimes {
             ThrottleReason::HardwarePowerBrake,
         ),
     ];
+    let milliseconds = |nanoseconds: u64| nanoseconds as f64 / 1e6;
     let mut times = BTreeMap::new();
-    let mut count = |reason, nanoseconds: u64| {
-        times.entry(reason).or_insert(nanoseconds as f64 / 1e6);
-    };
     let values = device.field_values_for(&FIELDS.map(|(field, _)| FieldId(field))).unwrap_or_default();
     for (value, (_, reason)) in values.into_iter().zip(FIELDS) {
         match value.and_then(|sample| sample.value) {
-            Ok(SampleValue::U64(nanoseconds)) => count(reason, nanoseconds),
-            Ok(SampleValue::U32(nanoseconds)) => count(reason, nanoseconds.into()),
+            Ok(SampleValue::U64(nanoseconds)) => _ = times.insert(reason, milliseconds(nanoseconds)),
+            Ok(SampleValue::U32(nanoseconds)) => _ = times.insert(reason, milliseconds(nanoseconds.into())),
             _ => {}
         }
     }
+    // Each question takes the driver a millisecond or more, so none is asked in vain.
     for (policy, reason) in [
         (PerformancePolicy::Power, ThrottleReason::SoftwarePowerCap),
         (PerformancePolicy::Thermal, ThrottleReason::SoftwareThermalSlowdown),
     ] {
-        if let Ok(violation) = device.violation_status(policy) {
-            count(reason, violation.violation_time);
+        if !times.contains_key(&reason)
+            && let Ok(violation) = device.violation_status(policy)
+        {
+            times.insert(reason, milliseconds(violation.violation_time));
         }
     }
     ThrottleTimes(times)
