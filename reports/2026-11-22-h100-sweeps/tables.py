@@ -66,7 +66,7 @@ for rays in ("primary", "secondary"):
         row("", "avg", *(f"{mean(values):.2f}" for values in chosen))
 
 print("\nTraversal cost")
-found = points("traversal-cost", "traversal-cost-2")
+found = points("traversal-cost")
 for variant in VARIANTS:
     for scene in SCENES if "CBTC" not in variant else []:
         rates = {cost: rate(found[scene, variant, (cost,)], "all")
