@@ -257,13 +257,14 @@ fn a_probe_asks_without_holding_anything_off() {
     assert_eq!(system.unwrap_err(), "there is no system bus at /nowhere/b");
 }
 
-/// This test program once more, running one of the tests below. Ends with this value.
+/// This test program once more, running one test, which finds from the variables that it is to play
+/// its other part. Ends with this value.
 struct Helper(Child);
 
 impl Helper {
     fn start(test: &str, variables: &[(&str, &str)]) -> Helper {
         let mut command = Command::new(env::current_exe().unwrap());
-        command.args([&format!("screen::tests::{test}"), "--exact", "--nocapture", "--ignored"]);
+        command.args([&format!("screen::tests::{test}"), "--exact", "--nocapture"]);
         command.envs(variables.iter().copied()).stdout(Stdio::piped());
         Helper(command.spawn().unwrap())
     }
@@ -288,9 +289,12 @@ const SYSTEM: &str = "STABILIZE_TEST_SYSTEM";
 
 #[test]
 fn nothing_is_held_after_a_sudden_death() {
+    if let (Ok(session), Ok(system)) = (env::var(SESSION), env::var(SYSTEM)) {
+        return hold_until_killed(&addresses(&session, &system));
+    }
     let desktop = Desktop::start();
     let variables = [(SESSION, desktop.session.address()), (SYSTEM, desktop.system.address())];
-    let mut helper = Helper::start("helper_that_holds", &variables);
+    let mut helper = Helper::start("nothing_is_held_after_a_sudden_death", &variables);
     assert!(helper.says("holding"));
     assert_eq!((desktop.saver.held().len(), desktop.logind.held().len()), (1, 1));
     // This is SIGKILL.
@@ -298,11 +302,9 @@ fn nothing_is_held_after_a_sudden_death() {
     assert!(desktop.saver.comes_to_hold(0) && desktop.logind.comes_to_hold(0));
 }
 
-#[test]
-#[ignore = "a helper of another test"]
-fn helper_that_holds() {
-    let (Ok(session), Ok(system)) = (env::var(SESSION), env::var(SYSTEM)) else { return };
-    let screen = awake(&addresses(&session, &system), AMPLE);
+/// The part of the one that dies.
+fn hold_until_killed(addresses: &Addresses) {
+    let screen = awake(addresses, AMPLE);
     assert_refusals(&screen, "", "");
     println!("holding");
     loop {
@@ -319,6 +321,9 @@ fn nobody() -> Rights {
 
 #[test]
 fn root_gets_on_the_bus_of_another_user() {
+    if let Ok(session) = env::var(SESSION) {
+        return switch_ids_until_killed(&session);
+    }
     if !geteuid().is_root() {
         // Not through eprintln, which is not shown for tests that pass.
         let line = "skipped, because it needs root: root_gets_on_the_bus_of_another_user";
@@ -329,7 +334,7 @@ fn root_gets_on_the_bus_of_another_user() {
     let saver = session.screen_saver("/org/freedesktop/ScreenSaver");
     session.shut_others_out();
     // Ids belong to a whole process, so a helper's are switched.
-    let mut helper = Helper::start("helper_that_is_root", &[(SESSION, session.address())]);
+    let mut helper = Helper::start("root_gets_on_the_bus_of_another_user", &[(SESSION, session.address())]);
     assert!(helper.says("holding"));
     let held = saver.held();
     assert_eq!(held.iter().map(|held| held.uid).collect::<Vec<_>>(), [NOBODY]);
@@ -337,17 +342,15 @@ fn root_gets_on_the_bus_of_another_user() {
     assert!(saver.comes_to_hold(0));
 }
 
-#[test]
-#[ignore = "a helper of another test"]
-fn helper_that_is_root() {
-    let Ok(session) = env::var(SESSION) else { return };
+/// The part of the one whose ids are switched.
+fn switch_ids_until_killed(session: &str) {
     let ids = || -> Vec<String> {
         let status = fs::read_to_string("/proc/thread-self/status").unwrap();
         let ids = status.lines().filter(|line| line.starts_with("Uid") || line.starts_with("G"));
         ids.map(str::to_owned).collect()
     };
     let before = ids();
-    let addresses = addresses(&session, "unix:path=/nowhere/bus");
+    let addresses = addresses(session, "unix:path=/nowhere/bus");
 
     let without = awake(&addresses, AMPLE);
     assert_eq!(refusals(&without)[0], "the session bus does not let user 0 in; it may be another user's");
