@@ -246,6 +246,7 @@ fn a_probe_asks_without_holding_anything_off() {
     desktop.saver.answer(Answer::Hang);
     desktop.logind.answer(Answer::Hang);
     assert_eq!(presences(&of(&desktop)), [Ok(Presence::Running), Ok(Presence::Running)]);
+    assert_eq!((desktop.saver.asked(), desktop.logind.asked()), (0, 0));
 
     let empty = Bus::start();
     empty.make_startable("org.freedesktop.ScreenSaver");

@@ -4,4 +4,6 @@ mod clocks;
 mod command;
 mod faults;
 mod machine;
+mod nobody;
 mod restore;
+mod screen;

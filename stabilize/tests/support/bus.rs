@@ -8,6 +8,7 @@ use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -195,6 +196,11 @@ impl StandIn {
         *self.kept.answer.lock().unwrap() = answer;
     }
 
+    /// How often it was asked to hold something off, whatever it answered.
+    pub fn asked(&self) -> u32 {
+        self.kept.asked.load(Ordering::Relaxed)
+    }
+
     /// What is held off now.
     pub fn held(&self) -> Vec<Held> {
         // The service itself may want the list while the bus is asked, so it is not locked then.
@@ -235,6 +241,7 @@ impl StandIn {
 /// What a service has to remember.
 #[derive(Default)]
 struct Kept {
+    asked: AtomicU32,
     answer: Mutex<Answer>,
     promises: Mutex<Vec<Promise>>,
 }
@@ -264,6 +271,7 @@ impl Promise {
 impl Kept {
     /// Makes a promise, if the service is to do so.
     async fn promise(&self, held: Held, until: Until) -> fdo::Result<()> {
+        self.asked.fetch_add(1, Ordering::Relaxed);
         self.hang_if_told().await;
         let answer = *self.answer.lock().unwrap();
         if let Answer::Refuse(text) = answer {
@@ -396,6 +404,7 @@ fn stand_ins_behave_like_the_services() {
     inhibit_saver().unwrap();
     let idle = inhibit_idle().unwrap();
     assert!(saver.comes_to_hold(1) && logind.comes_to_hold(1));
+    assert_eq!((saver.asked(), logind.asked()), (3, 1));
     assert_eq!((saver.held()[0].why.as_str(), logind.held()[0].what.as_str()), ("tests", "idle"));
     drop(idle);
     assert!(logind.comes_to_hold(0));

@@ -1,0 +1,55 @@
+//! Another user, for tests of what a user may and root does not do for one. Only root can become one, so the tests
+//! of it need root.
+
+use crate::machine::Machine;
+use nix::unistd::{Uid, User, geteuid};
+use std::fs::{self, Permissions};
+use std::io::Write;
+use std::os::unix::fs::{PermissionsExt, chown};
+use std::path::PathBuf;
+use std::process::Command;
+
+/// The number of a user that owns nothing: `nobody` of most distributions.
+pub const NOBODY: u32 = 65534;
+
+/// Whether this process can become somebody else. If not, a line names the test that was skipped.
+pub fn can_be(test: &str) -> bool {
+    let root = geteuid().is_root();
+    if !root {
+        skipped(test, "it needs root");
+    }
+    root
+}
+
+/// Says that a test was skipped.
+pub fn skipped(test: &str, why: &str) {
+    // Not through eprintln, which is not shown for tests that pass.
+    let mut out = std::io::stderr();
+    writeln!(out, "skipped, because {why}: {test}").unwrap();
+}
+
+/// The user's entry among the users.
+pub fn entry() -> User {
+    User::from_uid(Uid::from_raw(NOBODY)).unwrap().expect("every distribution has a user nobody")
+}
+
+/// Makes of root's command line one of a user who calls `sudo`.
+pub fn through_sudo(command: &mut Command) -> &mut Command {
+    command
+        .env("SUDO_UID", NOBODY.to_string())
+        .env("SUDO_GID", NOBODY.to_string())
+        .env("SUDO_USER", entry().name)
+        .env("SUDO_COMMAND", "stabilize")
+}
+
+impl Machine {
+    /// Makes a folder of the user's, and lets everybody come to it. With an empty name, the computer's own folder
+    /// is the user's, so that the stand-in's state can be written by the user.
+    pub fn give_away(&self, name: &str) -> PathBuf {
+        fs::set_permissions(self.path(""), Permissions::from_mode(0o755)).unwrap();
+        let path = self.path(name);
+        fs::create_dir_all(&path).unwrap();
+        chown(&path, Some(NOBODY), Some(NOBODY)).unwrap();
+        path
+    }
+}
