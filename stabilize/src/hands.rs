@@ -49,14 +49,13 @@ impl<'a> Hands<'a> {
         };
         let user = user::name(invoker);
         for &(index, gpu) in chosen {
-            let Some(mut journal) = take(&folder, index, gpu, options, voice, signals)? else { continue };
-            let begun = stale(gpu, &mut journal, voice)
-                .and_then(|()| Ok(journal.begin(&Holder::this(gpu.identity(), index, &user, command))?));
-            let held = match begun {
-                Ok(()) => Ok(Held::new(gpu, journal, options.restore_to.unwrap_or_default())),
-                Err(error) => Err(format!("{error:#}")),
-            };
-            hands.held.push((index, held));
+            let Some(journal) = take(&folder, index, gpu, options, voice, signals)? else { continue };
+            let begun = journal.and_then(|mut journal| {
+                stale(gpu, &mut journal, voice)?;
+                journal.begin(&Holder::this(gpu.identity(), index, &user, command))?;
+                Ok(Held::new(gpu, journal, options.restore_to.unwrap_or_default()))
+            });
+            hands.held.push((index, begun.map_err(|error| format!("{error:#}"))));
         }
         if let Err(error) = hands.guard() {
             // Nothing is locked that could stay locked.
@@ -125,7 +124,8 @@ impl Drop for Hands<'_> {
     }
 }
 
-/// Locks the journal of a GPU; nothing where a stabilize around this one holds it already.
+/// Locks the journal of a GPU, or says why there can be none; nothing where a stabilize around this one holds it
+/// already.
 fn take(
     folder: &Folder,
     index: u32,
@@ -133,12 +133,14 @@ fn take(
     options: &Options,
     voice: &mut Voice,
     signals: &Signals,
-) -> anyhow::Result<Option<Journal>> {
+) -> anyhow::Result<Option<anyhow::Result<Journal>>> {
     let started = Instant::now();
     loop {
-        let holder = match Journal::lock(folder, gpu.identity())? {
-            Ok(journal) => return Ok(Some(journal)),
-            Err(holder) => holder,
+        let holder = match Journal::lock(folder, gpu.identity()) {
+            Ok(Ok(journal)) => return Ok(Some(Ok(journal))),
+            Ok(Err(holder)) => holder,
+            // Clocks stay free without a journal, which is no reason not to run the command.
+            Err(error) => return Ok(Some(Err(error))),
         };
         if holder.as_ref().is_some_and(Holder::is_ancestor) {
             voice.say(format!("GPU {index} is held by the stabilize that runs this one"));
