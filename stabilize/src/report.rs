@@ -4,8 +4,8 @@ use crate::user::{Invoker, acting};
 use crate::voice::Voice;
 use anyhow::Context;
 use record::{Inhibition, Report, Stabilized, Timestamp, Tool, Verdict};
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 use tempfile::TempPath;
 
 /// Why there is no verdict yet.
@@ -51,11 +51,13 @@ impl<'a> ReportFile<'a> {
     /// Finds a place for it.
     ///
     /// # Errors
-    /// There is none.
+    /// There is none, or the user who called `sudo` cannot write there.
     pub fn new(path: Option<&Path>, invoker: Option<&'a Invoker>) -> anyhow::Result<ReportFile<'a>> {
         if let Some(path) = path {
             // The command may have another folder than this process.
             let path = std::path::absolute(path).context("cannot tell where the report goes")?;
+            acting(invoker.map(|invoker| &invoker.rights), || usable(&path))?
+                .with_context(|| cannot_write(&path))?;
             return Ok(ReportFile { path, temporary: None, invoker });
         }
         let mut builder = tempfile::Builder::new();
@@ -83,9 +85,24 @@ impl<'a> ReportFile<'a> {
             Some(_) => fs::write(&self.path, &json),
             None => record::replace(&self.path, |out| out.write_all(&json)),
         };
-        acting(self.invoker.map(|invoker| &invoker.rights), write)?
-            .with_context(|| format!("cannot write the report to {}", self.path.display()))
+        acting(self.invoker.map(|invoker| &invoker.rights), write)?.with_context(|| cannot_write(&self.path))
     }
+}
+
+fn cannot_write(path: &Path) -> String {
+    format!("cannot write the report to {}", path.display())
+}
+
+/// Whether a file can be put there, without leaving one.
+fn usable(path: &Path) -> io::Result<()> {
+    match fs::metadata(path) {
+        // It would be replaced by a file, and if it is /dev/null, everybody would miss it.
+        Ok(there) if !there.is_file() => return Err(io::Error::other("it is no file")),
+        _ => {}
+    }
+    let folder = path.parent().unwrap_or(path);
+    fs::create_dir_all(folder)?;
+    tempfile::tempfile_in(folder).map(drop)
 }
 
 impl Drop for ReportFile<'_> {

@@ -41,6 +41,8 @@ pub fn run(options: &Options) -> anyhow::Result<Exit> {
     }
     let mut voice = Voice::new(options.quiet);
     remark_on_choice(options, &found, &chosen, &mut voice)?;
+    // Now, so that nothing has been changed where there is no place for it.
+    let file = ReportFile::new(options.report.as_deref(), invoker.as_ref())?;
     let screen = (!options.may_sleep && !options.observe).then(|| {
         Screen::awake(
             invoker.as_ref().map(|invoker| &invoker.rights),
@@ -62,7 +64,6 @@ pub fn run(options: &Options) -> anyhow::Result<Exit> {
     let policies = lock(options, &chosen, &mut hands, &signals)?;
     tell(options, &chosen, &policies, &mut voice)?;
 
-    let file = ReportFile::new(options.report.as_deref(), invoker.as_ref())?;
     let gpus =
         chosen.iter().zip(&policies).map(|(&(index, gpu), policy)| begin(index, gpu, policy)).collect();
     let mut report = report::begin(command, options.tolerance, gpus, awake, &voice);
