@@ -17,33 +17,44 @@ use std::time::Duration;
 /// How long to wait for the buses at most.
 const BUS_LIMIT: Duration = Duration::from_secs(2);
 
-/// Prints which GPUs are held or were left changed, and what their clocks are.
+/// Prints which GPUs are held or were left changed, and what their clocks are. A journal that cannot be read, as
+/// root's may be, is told, and hides nothing of the others.
 ///
 /// # Errors
-/// A journal cannot be read.
+/// Nobody reads it.
 pub fn status() -> anyhow::Result<Exit> {
     let mut out = io::stdout().lock();
-    let mut journals = Vec::new();
+    let (mut journals, mut unread) = (Vec::new(), Vec::new());
+    // One that was killed before it changed anything holds nothing.
+    let holds = |contents: &Contents| contents.holder.is_alive() || !contents.pending().is_empty();
     for folder in state::all() {
-        for name in state::names(&folder)? {
+        let names = state::names(&folder).unwrap_or_else(|error| {
+            unread.push(error);
+            Vec::new()
+        });
+        for name in names {
             let path = folder.join(name);
-            let file = File::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
-            let contents = Contents::of(&file).with_context(|| path.display().to_string())?;
-            // One that was killed before it changed anything holds nothing.
-            let holds = |contents: &Contents| contents.holder.is_alive() || !contents.pending().is_empty();
-            journals.extend(contents.filter(holds));
+            let read = || Contents::of(&File::open(&path)?);
+            match read().with_context(|| format!("cannot read {}", path.display())) {
+                Ok(contents) => journals.extend(contents.filter(holds)),
+                Err(error) => unread.push(error),
+            }
         }
     }
     let found = gpu::find();
     for why in &found.missing {
         writeln!(out, "{why}")?;
     }
+    for why in &unread {
+        writeln!(out, "{why:#}")?;
+    }
     for (index, gpu) in found.gpus.iter().enumerate() {
         let identity = gpu.identity();
         writeln!(out, "GPU {index}: {} ({})", identity.name, identity.uuid)?;
         match journals.iter().position(|journal| journal.holder.gpu.uuid == identity.uuid) {
             Some(at) => tell(&mut out, &journals.remove(at))?,
-            None => writeln!(out, "  held by nobody")?,
+            None if unread.is_empty() => writeln!(out, "  held by nobody")?,
+            None => writeln!(out, "  who holds it is in a journal that cannot be read, if anyone does")?,
         }
         let clock = |domain| gpu.clock(domain).map_or_else(|why| why.to_string(), |mhz| format!("{mhz} MHz"));
         writeln!(
