@@ -6,4 +6,5 @@ mod faults;
 mod machine;
 mod nobody;
 mod restore;
+mod rights;
 mod screen;

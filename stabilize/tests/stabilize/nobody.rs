@@ -6,6 +6,7 @@ use nix::unistd::{Uid, User, geteuid};
 use std::fs::{self, Permissions};
 use std::io::Write;
 use std::os::unix::fs::{PermissionsExt, chown};
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -51,5 +52,20 @@ impl Machine {
         fs::create_dir_all(&path).unwrap();
         chown(&path, Some(NOBODY), Some(NOBODY)).unwrap();
         path
+    }
+
+    /// stabilize as the user, with some words.
+    pub fn stabilize_as_nobody(&self, words: &[&str]) -> Command {
+        // What was built may lie where only root comes.
+        let program = self.path("stabilize");
+        if !program.exists() {
+            fs::copy(env!("CARGO_BIN_EXE_stabilize"), &program).unwrap();
+        }
+        let mut command = self.program(program);
+        if words.contains(&"--") {
+            command.args(["--settle", "0.05"]);
+        }
+        command.args(words).uid(NOBODY).gid(NOBODY);
+        command
     }
 }
