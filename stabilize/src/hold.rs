@@ -2,7 +2,7 @@
 //! are taken back however this ends.
 
 use crate::gpu::{Change, Domain, Found, Gpu, Trouble};
-use crate::journal::{Entry, Holder, Journal};
+use crate::journal::{Contents, Entry, Holder, Journal};
 use record::Restoration;
 use std::time::Duration;
 
@@ -12,6 +12,8 @@ pub struct Held<'a> {
     journal: Journal,
     /// What clocks are locked to at the end, instead of being left to the driver.
     to: RestoreTo,
+    /// Clocks that are locked without being in the journal, because another change's undoing frees them.
+    unlisted: Vec<Domain>,
     restored: bool,
 }
 
@@ -47,7 +49,7 @@ impl RestoreTo {
 impl<'a> Held<'a> {
     /// Holds a GPU whose journal has been begun.
     pub fn new(gpu: &'a dyn Gpu, journal: Journal, to: RestoreTo) -> Self {
-        Self { gpu, journal, to, restored: false }
+        Self { gpu, journal, to, unlisted: Vec::new(), restored: false }
     }
 
     /// The GPU.
@@ -66,19 +68,25 @@ impl<'a> Held<'a> {
     /// The GPU refuses, or the journal cannot be written; then nothing has been changed.
     pub fn change(&mut self, change: &Change) -> Result<(), Trouble> {
         let broken = |error: &dyn std::fmt::Display| Trouble::Other(format!("the journal: {error}"));
-        let entries = self.journal.contents().map_err(|error| broken(&error))?;
-        let entries = entries.map(|contents| contents.entries).unwrap_or_default();
+        let contents = self.journal.contents().map_err(|error| broken(&error))?;
         let undo = self.gpu.undo_of(change)?.map(|undo| self.to.instead_of(undo));
-        // The way back from a second lock of the same clock is that of the first.
-        let known = undo.as_ref().is_none_or(|undo| entries.iter().any(|entry| entry.undo == *undo));
+        // The way back from a second lock of the same clock is that of the first, as long as that is still to go.
+        let pending = || contents.iter().flat_map(Contents::pending);
+        let known = undo.as_ref().is_none_or(|undo| pending().any(|(_, entry)| entry.undo == *undo));
+        let listed = undo.is_some();
         if let (false, Some(undo)) = (known, undo) {
             let entry = Entry { change: change.clone(), undo };
             self.journal.announce(&entry).map_err(|error| broken(&error))?;
         }
         let done = self.gpu.apply(change);
-        // These say that nothing has been done, so nothing is to be undone.
-        if !known && let Err(Trouble::NoPermission | Trouble::NotSupported | Trouble::Missing(_)) = done {
-            self.journal.undone(entries.len()).map_err(|error| broken(&error))?;
+        match (&done, change) {
+            // These say that nothing has been done, so nothing is to be undone.
+            (Err(Trouble::NoPermission | Trouble::NotSupported | Trouble::Missing(_)), _) if !known => {
+                let number = contents.map_or(0, |contents| contents.entries.len());
+                self.journal.undone(number).map_err(|error| broken(&error))?;
+            }
+            (Ok(()), Change::Lock { domain, .. }) if !listed => self.unlisted.push(*domain),
+            _ => {}
         }
         done
     }
@@ -88,6 +96,10 @@ impl<'a> Held<'a> {
     /// # Errors
     /// The GPU refuses; it will be tried again at the end.
     pub fn release(&mut self, domain: Domain) -> Result<(), Trouble> {
+        if self.unlisted.contains(&domain) {
+            self.gpu.apply(&Change::Unlock { domain })?;
+            self.unlisted.retain(|unlisted| *unlisted != domain);
+        }
         let contents = self.journal.contents().map_err(|error| Trouble::Other(error.to_string()))?;
         let Some(contents) = contents else { return Ok(()) };
         for (number, entry) in contents.pending() {

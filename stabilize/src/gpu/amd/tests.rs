@@ -2,6 +2,9 @@
 mod support;
 
 use super::*;
+use crate::hold::{Held, RestoreTo};
+use crate::journal::{Holder, Journal};
+use crate::state::Folder;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::process::Command;
 use support::{ADDRESS, Clock, GRAPHICS, MEMORY, StandIn, as_unprivileged, card, unprivileged};
@@ -266,6 +269,33 @@ fn frees_the_clocks_where_the_level_was_manual() {
     assert_eq!(bench.gpu.apply(&Change::Unlock { domain: Domain::Graphics }), Ok(()));
     assert_eq!(bench.gpu.clock(Domain::Graphics), Ok(500));
     assert!(matches!(bench.gpu.apply(&lock(Domain::Graphics, 1900)), Err(Trouble::Other(_))));
+}
+
+#[test]
+fn a_lock_that_is_given_up_frees_the_clock_at_once() {
+    for before in ["auto", "manual"] {
+        let bench = Bench::at(before);
+        let folder = tempfile::tempdir().unwrap();
+        let journals = Folder::open(folder.path()).unwrap();
+        let mut journal = Journal::lock(&journals, bench.gpu.identity()).unwrap().ok().unwrap();
+        journal.begin(&Holder::this(bench.gpu.identity(), 0, "me", &[])).unwrap();
+        let mut held = Held::new(&bench.gpu, journal, RestoreTo::default());
+        bench.gpu.preparations().unwrap().iter().for_each(|change| held.change(change).unwrap());
+        let locked = || {
+            bench.card.settle();
+            (bench.card.locked(Clock::Graphics), bench.card.locked(Clock::Memory))
+        };
+        held.change(&lock(Domain::Graphics, GRAPHICS[2])).unwrap();
+        held.change(&lock(Domain::Memory, MEMORY[1])).unwrap();
+        assert_eq!(locked(), (Some(2), Some(1)));
+        held.release(Domain::Memory).unwrap();
+        assert_eq!(locked(), (Some(2), None));
+        // That its first lock has been taken back says nothing about its second.
+        held.change(&lock(Domain::Memory, MEMORY[0])).unwrap();
+        assert_eq!(locked(), (Some(2), Some(0)));
+        assert!(held.restore().iter().all(|restoration| restoration.failed.is_none()));
+        assert_eq!((locked(), bench.card.level().as_str()), ((None, None), before));
+    }
 }
 
 #[test]
