@@ -344,12 +344,18 @@ fn conclude(own: &mut Stabilized, gpu: &dyn Gpu, milliseconds: f64, tolerance: f
     for (domain, hold) in [(Domain::Graphics, &own.policy.graphics), (Domain::Memory, &own.policy.memory)] {
         let (Some(delivered), true) = (hold.delivered_mhz, hold.locked_mhz.is_some()) else { continue };
         let is = gpu.clock(domain);
-        if own.verdict.is_trusted() && !is.as_ref().is_ok_and(|&is| clocks::within(is, delivered)) {
-            let now = is.map_or_else(|trouble| trouble.to_string(), |mhz| format!("{mhz} MHz"));
-            let reason =
-                format!("the {domain}, locked at {delivered} MHz, was no longer so at the end ({now})");
-            own.verdict = Verdict::Unknown { reason };
+        if is.as_ref().is_ok_and(|&is| clocks::within(is, delivered)) {
+            continue;
         }
+        let now = is.map_or_else(|trouble| trouble.to_string(), |mhz| format!("{mhz} MHz"));
+        let lost = format!("the {domain}, locked at {delivered} MHz, was no longer so at the end ({now})");
+        let reason = match &own.verdict {
+            Verdict::Throttled { .. } => continue,
+            Verdict::Trusted => lost,
+            // Where nothing is counted, this is all that is known.
+            Verdict::Unknown { reason } => format!("{reason}; {lost}"),
+        };
+        own.verdict = Verdict::Unknown { reason };
     }
     own.after = Some(after);
 }
