@@ -1,5 +1,6 @@
 //! Drives the real binary against stand-ins for NVML, for amdgpu's files and for the services on D-Bus.
 
+mod amd;
 mod clocks;
 mod command;
 mod faults;

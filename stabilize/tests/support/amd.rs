@@ -318,3 +318,46 @@ fn lock(driver: &Mutex<Driver>) -> MutexGuard<'_, Driver> {
     // A panic in the thread has been printed; the test's own should be about what it saw.
     driver.lock().unwrap_or_else(PoisonError::into_inner)
 }
+
+/// Every test that includes this file runs this, so that what it relies on is known to be right, and
+/// that nothing here is unused.
+#[test]
+fn stand_in_behaves_like_a_card() {
+    let folder = tempfile::tempdir().unwrap();
+    // Others must come so far to be held up by the card alone.
+    fs::set_permissions(folder.path(), Permissions::from_mode(0o755)).unwrap();
+    card(folder.path(), 0, "0000:00:02.0", "0x8086");
+    let card = StandIn::new(folder.path());
+    let device = card.device();
+    assert_eq!(fs::canonicalize(card.root().join("class/drm/card1/device")).unwrap(), device);
+    let read = |file: &str| fs::read_to_string(device.join(file)).unwrap();
+
+    // Tables cannot be written at a level that does not say so.
+    card.write("pp_dpm_sclk", "3\n");
+    assert_eq!((card.level().as_str(), card.locked(Clock::Graphics)), ("auto", None));
+    card.write(LEVEL, "manual\n");
+    card.write("pp_dpm_sclk", "3\n");
+    card.write("pp_dpm_mclk", "1\n");
+    assert_eq!((card.locked(Clock::Graphics), card.locked(Clock::Memory)), (Some(3), Some(1)));
+    assert!(read("pp_dpm_sclk").contains(&format!("3: {}Mhz *\n", GRAPHICS[3])));
+    assert_eq!(read("hwmon/hwmon3/freq2_input"), format!("{}000000\n", MEMORY[1]));
+    card.ignore_writes(true);
+    card.write("pp_dpm_sclk", "0\n");
+    assert_eq!(card.locked(Clock::Graphics), Some(3));
+    card.ignore_writes(false);
+    card.write(LEVEL, "high\n");
+    assert_eq!((card.locked(Clock::Graphics), card.locked(Clock::Memory)), (None, None));
+
+    card.deny();
+    let path = device.join(LEVEL);
+    let denied = as_unprivileged(|| fs::OpenOptions::new().write(true).open(&path)).unwrap_err();
+    assert_eq!(denied.kind(), std::io::ErrorKind::PermissionDenied);
+    let mut writer = Command::new("sh");
+    writer.args(["-c", "echo low > \"$0\""]).arg(&path).stderr(std::process::Stdio::null());
+    assert!(!unprivileged(&mut writer).status().unwrap().success());
+    assert_eq!(card.level(), "high");
+
+    assert_eq!(device, fs::canonicalize(folder.path().join("devices/pci0000:00").join(ADDRESS)).unwrap());
+    card.unplug();
+    assert!(!device.exists());
+}
