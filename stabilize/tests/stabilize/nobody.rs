@@ -7,7 +7,7 @@ use std::fs::{self, Permissions};
 use std::io::Write;
 use std::os::unix::fs::{PermissionsExt, chown};
 use std::os::unix::process::CommandExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The number of a user that owns nothing: `nobody` of most distributions.
@@ -32,6 +32,14 @@ pub fn skipped(test: &str, why: &str) {
 /// The user's entry among the users.
 pub fn entry() -> User {
     User::from_uid(Uid::from_raw(NOBODY)).unwrap().expect("every distribution has a user nobody")
+}
+
+/// Copies a program that is to be run.
+pub fn copy_program(from: &Path, to: &Path) {
+    // By another process: what another test starts meanwhile would inherit the copy, open to be written, and then
+    // it cannot be run.
+    let copied = Command::new("cp").arg(from).arg(to).status().unwrap();
+    assert!(copied.success(), "{} is not copied", from.display());
 }
 
 /// Makes of root's command line one of a user who calls `sudo`.
@@ -59,7 +67,7 @@ impl Machine {
         // What was built may lie where only root comes.
         let program = self.path("stabilize");
         if !program.exists() {
-            fs::copy(env!("CARGO_BIN_EXE_stabilize"), &program).unwrap();
+            copy_program(Path::new(env!("CARGO_BIN_EXE_stabilize")), &program);
         }
         let mut command = self.program(program);
         if words.contains(&"--") {

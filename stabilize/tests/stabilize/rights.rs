@@ -364,7 +364,7 @@ fn it_refuses_to_have_the_set_user_id_bit() {
     set_mode(&machine.path(""), 0o755);
     let with_bit = |program: &Path, name: &str| {
         let copy = machine.path(name);
-        fs::copy(program, &copy).unwrap();
+        nobody::copy_program(program, &copy);
         set_mode(&copy, 0o4755);
         let mut command = Command::new(copy);
         command.uid(NOBODY).gid(NOBODY).current_dir("/");
