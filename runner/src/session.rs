@@ -8,7 +8,10 @@ use crate::{
 };
 use anyhow::{Context, bail};
 use std::{
-    sync::atomic::{AtomicBool, Ordering},
+    sync::{
+        Arc, OnceLock,
+        atomic::{AtomicBool, Ordering},
+    },
     time::{Duration, Instant},
 };
 use tracer::{
@@ -347,9 +350,17 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// # Errors
 /// The handler cannot be installed.
 pub fn watch_for_interrupts(unit: &'static str) -> anyhow::Result<()> {
+    // A wrapper such as stabilize passes on what the whole process group has had already, so what follows at once is
+    // the same request.
+    const SAME: Duration = Duration::from_millis(100);
+    let first = Arc::new(OnceLock::new());
     let stop = move || {
+        let since = first.get_or_init(Instant::now).elapsed();
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
-            std::process::exit(130);
+            if since > SAME {
+                std::process::exit(130);
+            }
+            return;
         }
         eprintln!("\nfinishing the running {unit}; press Ctrl-C again to stop at once");
     };
@@ -358,6 +369,7 @@ pub fn watch_for_interrupts(unit: &'static str) -> anyhow::Result<()> {
     {
         let mut signals = signal_hook::iterator::Signals::new([signal_hook::consts::SIGTERM])
             .context("cannot watch for SIGTERM")?;
+        let stop = stop.clone();
         std::thread::spawn(move || signals.forever().for_each(|_| stop()));
     }
     ctrlc::set_handler(stop).context("cannot watch for Ctrl-C")
