@@ -127,13 +127,18 @@ fn under_sudo_clocks_are_put_back_by_root_also_after_a_sudden_death() {
     let before = machine.settings();
     let ready = machine.give_away("home").join("ready");
     let script = format!("echo $$ > {0}.new; mv {0}.new {0}; exec sleep 60", ready.display());
-    let mut command = machine.stabilize(&["--may-sleep", "--", "sh", "-c", &script]);
+    // A temporary report would stay behind.
+    let report = machine.path("home/report.json");
+    let words = ["--may-sleep", "--report", report.to_str().unwrap(), "--", "sh", "-c", &script];
+    let mut command = machine.stabilize(&words);
     let mut child = nobody::through_sudo(&mut command).stderr(Stdio::null()).spawn().unwrap();
     appears(&ready);
     assert_ne!(machine.settings(), before);
     child.kill().unwrap();
     child.wait().unwrap();
     eventually(Duration::from_secs(2), "the clocks are put back", || machine.settings() == before);
+    // The next one comes once the watchdog has ended.
+    assert_eq!(machine.run(&["--strict", "--queue", "20", "--", "true"]).status, Some(0));
     let command: i32 = fs::read_to_string(&ready).unwrap().trim().parse().unwrap();
     kill(Pid::from_raw(command), Signal::SIGKILL).unwrap();
 }

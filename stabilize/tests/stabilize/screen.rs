@@ -85,8 +85,10 @@ fn both_are_kept_off_while_the_command_runs() {
 fn nothing_is_kept_off_once_stabilize_is_killed() {
     let (machine, desktop) = (Machine::new(), Desktop::start());
     let script = waiting(&machine);
-    let mut child =
-        at(&desktop, &machine, &["-q", "--", "sh", "-c", &script]).stderr(Stdio::null()).spawn().unwrap();
+    // A temporary report would stay behind.
+    let report = machine.path("report.json");
+    let words = ["-q", "--report", report.to_str().unwrap(), "--", "sh", "-c", &script];
+    let mut child = at(&desktop, &machine, &words).stderr(Stdio::null()).spawn().unwrap();
     appears(&machine.path("ready"));
     assert_eq!((desktop.saver.held().len(), desktop.logind.held().len()), (1, 1));
     let command = fs::read_to_string(machine.path("ready")).unwrap();
@@ -96,6 +98,8 @@ fn nothing_is_kept_off_once_stabilize_is_killed() {
     eventually(Duration::from_secs(2), "both are let go", || {
         desktop.saver.held().is_empty() && desktop.logind.held().is_empty()
     });
+    // Before the computer goes, its watchdog has to.
+    assert_eq!(machine.run(&["--queue", "20", "--", "true"]).status, Some(0));
     // It was not the command's end that did it.
     kill(command, None).unwrap();
     kill(command, Signal::SIGKILL).unwrap();
