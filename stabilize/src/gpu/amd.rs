@@ -70,7 +70,7 @@ fn root_from(stand_in: Option<OsString>) -> Result<PathBuf, String> {
         Ok((metadata, _)) if metadata.uid() != nix::unistd::geteuid().as_raw() => {
             refuse("belongs to another user")
         }
-        Ok((metadata, _)) if metadata.mode() & 0o002 != 0 => refuse("everybody can write to it"),
+        Ok((metadata, _)) if metadata.mode() & 0o022 != 0 => refuse("others can write to it"),
         Ok((_, path)) => Ok(path),
     }
 }

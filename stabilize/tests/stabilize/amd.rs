@@ -330,7 +330,7 @@ fn a_stand_in_for_sysfs_that_others_can_change_is_refused() {
     };
     let (machine, card) = amd();
     fs::set_permissions(card.root(), Permissions::from_mode(0o777)).unwrap();
-    refused(&machine, &card, "everybody can write to it");
+    refused(&machine, &card, "others can write to it");
     if !nobody::can_be("a_stand_in_for_sysfs_that_others_can_change_is_refused, of another user's") {
         return;
     }

@@ -114,7 +114,7 @@ fn the_stand_in_must_be_the_users_own() {
     fs::write(path.join("file"), "").unwrap();
     refused(&path.join("file"), "not a folder");
     fs::set_permissions(path, fs::Permissions::from_mode(0o777)).unwrap();
-    refused(path, "everybody");
+    refused(path, "others can write");
     let strangers = if nix::unistd::geteuid().is_root() {
         std::os::unix::fs::chown(path, Some(1), None).unwrap();
         path
