@@ -1,8 +1,10 @@
 //! A computer with a GPU that is none: a stand-in for NVML, and a folder for journals.
 
+use nix::sys::signal::{SigHandler, Signal, signal};
 use nvml_stand_in::{Fault, FaultKind, STATE_VARIABLE, Settings, State};
 use record::Report;
 use std::ffi::OsStr;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -78,6 +80,7 @@ impl Machine {
             .env("DBUS_SYSTEM_BUS_ADDRESS", "unix:path=/no/bus")
             .env_remove("SUDO_UID")
             .stdin(Stdio::null());
+        heeding(&mut command);
         command
     }
 
@@ -104,6 +107,20 @@ impl Machine {
         let report = Report::read(&path).unwrap_or_else(|error| panic!("{error}: {ran:?}"));
         (ran, report)
     }
+}
+
+/// Lets a program be told to end. Whoever runs tests in the background, from a script or under nohup, has them ignore
+/// some signals, and programs would inherit that.
+fn heeding(command: &mut Command) {
+    let heed = || {
+        for ending in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP, Signal::SIGQUIT] {
+            // SAFETY: the default is no handler, so nothing of ours runs when the signal comes.
+            unsafe { signal(ending, SigHandler::SigDfl) }?;
+        }
+        Ok(())
+    };
+    // SAFETY: between fork and exec this makes system calls only.
+    unsafe { command.pre_exec(heed) };
 }
 
 /// What came of a program.
