@@ -1,4 +1,4 @@
-//! The tool says that it is not built yet, and never passes for one that compared something.
+//! The program from outside.
 
 use std::process::{Command, Output};
 
@@ -7,22 +7,30 @@ fn compare(arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn help_says_what_is_and_what_will_be() {
+fn help_tells_what_the_exit_status_means() {
     let output = compare(&["--help"]);
     assert_eq!(output.status.code(), Some(0));
     let help = String::from_utf8(output.stdout).unwrap();
-    for part in ["NOT BUILT YET", "commit message", "compare diff | table | plot"] {
-        assert!(help.contains(part), "{part}: {help}");
+    assert!(help.contains("Exit status: 0 done, 1 failed, 2 usage, 3 a regression"), "{help}");
+}
+
+#[test]
+fn a_wrong_command_line_is_told_on_stderr() {
+    for arguments in [&[][..], &["--nonsense"], &["paint", "a.json"]] {
+        let output = compare(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+        assert!(!output.stderr.is_empty(), "{arguments:?}");
     }
 }
 
 #[test]
-fn without_help_it_fails_and_prints_no_data() {
-    for arguments in [&[][..], &["diff", "a.json", "b.json"], &["table", "--csv", "a.json"]] {
-        let output = compare(arguments);
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
-        assert!(output.stdout.is_empty(), "{arguments:?}");
-        let message = String::from_utf8(output.stderr).unwrap();
-        assert!(message.contains("NOT BUILT YET"), "{message}");
-    }
+fn shells_and_manual_readers_are_helped() {
+    let completions = compare(&["completions", "bash"]);
+    assert!(String::from_utf8(completions.stdout).unwrap().contains("_compare()"));
+    let page = compare(&["man"]);
+    assert!(String::from_utf8(page.stdout).unwrap().contains(".TH compare"));
+    let unknown = compare(&["man", "paint"]);
+    assert_eq!(unknown.status.code(), Some(1));
+    assert!(String::from_utf8(unknown.stderr).unwrap().contains("compare --help"));
 }

@@ -1,0 +1,42 @@
+//! The command line. What a command takes is defined in the command's own module.
+
+use clap::{Parser, Subcommand};
+
+/// Turns benchmark records into text, tables and pictures.
+///
+/// RECORD is a file that `runner` wrote. What was asked for goes to stdout, remarks go to stderr.
+///
+/// Exit status: 0 done, 1 failed, 2 usage, 3 a regression beyond what `diff --fail-on-regression` allows.
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    subcommand_required = true,
+    arg_required_else_help = true,
+    args_override_self = true,
+    after_help = EXAMPLES
+)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  compare completions bash > ~/.local/share/bash-completion/completions/compare
+  compare man | man -l -";
+
+/// What there is to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Print a script that completes this command line in a shell.
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page of this program, or of one of its commands.
+    Man {
+        /// The command.
+        command: Option<String>,
+    },
+}

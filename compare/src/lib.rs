@@ -1,0 +1,53 @@
+//! Reads benchmark records and says what is in them: differences, tables, pictures. There is no Vulkan in here.
+//!
+//! Data flows one way. [`load`] makes a [`record::Record`] of a file, or an error that says where it is wrong.
+//! [`select`] orders its points by scene, variant and pass; [`figure`] has every value that a point can be asked
+//! for, by name. Each view (`diff` is one) then takes these and writes one kind of output.
+
+pub mod args;
+pub mod figure;
+pub mod help;
+pub mod load;
+pub mod output;
+pub mod select;
+
+pub use args::{Cli, Command};
+
+use std::fmt;
+use std::process::ExitCode;
+
+/// How the program ends; `--help` lists the numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// All is well.
+    Done = 0,
+    /// Something went wrong; stderr says what.
+    Failed = 1,
+    /// The command line was wrong.
+    Usage = 2,
+    /// Something became slower by more than was allowed.
+    Regression = 3,
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> ExitCode {
+        ExitCode::from(exit as u8)
+    }
+}
+
+/// Does what the command line asks for.
+///
+/// # Errors
+/// A record cannot be read, or the output cannot be written.
+pub fn run(cli: &Cli) -> anyhow::Result<Exit> {
+    match &cli.command {
+        Command::Completions { shell } => help::completions(*shell),
+        Command::Man { command } => help::man(command.as_deref()),
+    }
+}
+
+/// Tells the user something on stderr; that nobody can hear it is no reason to end.
+pub fn say(text: impl fmt::Display) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr(), "compare: {text}");
+}
