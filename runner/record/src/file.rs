@@ -24,11 +24,13 @@ pub enum Error {
         source: io::Error,
     },
     /// The file holds something else.
-    #[error("{path} is no benchmark record", path = path.display())]
+    #[error("{path} is no benchmark record{at}", path = path.display(), at = place(.at))]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// What is wrong, and where.
+        /// Where in it, such as `results[0].views[2].name`; empty where it holds nothing else.
+        at: String,
+        /// What is wrong, and in which line.
         source: serde_json::Error,
     },
     /// The file holds JSON without the number of a schema.
@@ -64,21 +66,27 @@ pub enum Error {
 
 impl Record {
     /// Reads a record. Whether its numbers make sense is for [`Record::validate`] to say.
+    ///
+    /// # Errors
+    /// The file cannot be read, or holds something else; the error says where in it.
     pub fn read(path: impl AsRef<Path>) -> Result<Record, Error> {
-        /// The one field that all schemas share.
-        #[derive(Deserialize)]
-        struct Probe {
-            schema: Option<u64>,
-        }
-
         let path = path.as_ref();
         let text = fs::read(path).map_err(|source| Error::Read { path: path.into(), source })?;
-        let malformed = |source| Error::Malformed { path: path.into(), source };
-        let probe: Probe = serde_json::from_slice(&text).map_err(malformed)?;
-        match probe.schema {
-            None | Some(0) => Err(Error::NoSchema { path: path.into() }),
-            Some(found) if found > u64::from(SCHEMA) => Err(Error::Newer { path: path.into(), found }),
-            Some(_) => serde_json::from_slice(&text).map_err(malformed),
+        Record::parse(&text, path)
+    }
+
+    /// Reads a record from text in JSON; errors call it `path`.
+    ///
+    /// # Errors
+    /// The text is something else.
+    pub fn parse(text: &[u8], path: &Path) -> Result<Record, Error> {
+        match serde_json::from_slice::<Record>(text) {
+            Ok(record) if record.schema == 0 => Err(Error::NoSchema { path: path.into() }),
+            Ok(record) if record.schema > SCHEMA => {
+                Err(Error::Newer { path: path.into(), found: record.schema.into() })
+            }
+            Ok(record) => Ok(record),
+            Err(error) => Err(explained(error, text, path)),
         }
     }
 
@@ -98,6 +106,35 @@ impl Record {
         })
         .map_err(|source| Error::Write { path: path.into(), source })
     }
+}
+
+/// Why text is no record. It is read once more for that: to know where one is costs time, and most files are sound.
+fn explained(error: serde_json::Error, text: &[u8], path: &Path) -> Error {
+    /// The one field that all schemas share.
+    #[derive(Deserialize)]
+    struct Probe {
+        schema: Option<u64>,
+    }
+
+    match serde_json::from_slice(text) {
+        Ok(Probe { schema: None | Some(0) }) => return Error::NoSchema { path: path.into() },
+        Ok(Probe { schema: Some(found) }) if found > u64::from(SCHEMA) => {
+            return Error::Newer { path: path.into(), found };
+        }
+        // Either no JSON at all, or another field is wrong.
+        _ => {}
+    }
+    let mut reader = serde_json::Deserializer::from_slice(text);
+    let (at, source) = match serde_path_to_error::deserialize::<_, Record>(&mut reader) {
+        Err(error) => (error.path().to_string(), error.into_inner()),
+        // Something follows what is a record by itself.
+        Ok(_) => (String::new(), error),
+    };
+    Error::Malformed { path: path.into(), at: if at == "." { String::new() } else { at }, source }
+}
+
+fn place(at: &str) -> String {
+    if at.is_empty() { String::new() } else { format!(": {at}") }
 }
 
 /// Replaces a file by what `fill` writes, all of it or nothing: into a temporary file beside it, flushed to the
@@ -244,7 +281,42 @@ mod tests {
         assert!(matches!(read("{\"schema\": 1}"), Error::Malformed { .. }));
         assert!(matches!(read("[]"), Error::Malformed { .. }));
         assert!(matches!(read("{\"schema\": 1, \"tool\""), Error::Malformed { .. }));
+        assert!(matches!(read(""), Error::Malformed { .. }));
         let missing = Record::read(folder.path().join("none.json")).unwrap_err();
         assert!(matches!(missing, Error::Read { .. }));
+    }
+
+    #[test]
+    fn what_is_malformed_is_named_by_its_place() {
+        let text = serde_json::to_string(&example()).unwrap();
+        let told = |text: &str| {
+            let Err(Error::Malformed { at, source, .. }) = Record::parse(text.as_bytes(), Path::new("x"))
+            else {
+                panic!("{text} is no malformed record");
+            };
+            (at, source.to_string())
+        };
+        let launch = "\"rays\":229881,\"milliseconds\":0.769";
+        assert!(text.contains(launch));
+        let at = "results[0].views[0].samples[2].depths[1]";
+        for (field, wrong, what) in [
+            ("rays", "\"rays\":-1,\"milliseconds\":0.769", "invalid value: integer `-1`"),
+            ("rays", "\"rays\":\"many\",\"milliseconds\":0.769", "invalid type: string"),
+            ("milliseconds", "\"rays\":229881,\"milliseconds\":null", "invalid type: null"),
+            ("milliseconds", "\"rays\":229881,\"milliseconds\":NaN", "expected value"),
+            ("milliseconds", "\"rays\":229881,\"milliseconds\":1e999", "number out of range"),
+        ] {
+            let (found, why) = told(&text.replacen(launch, wrong, 1));
+            assert!(found.ends_with(&format!("{at}.{field}")), "{found}");
+            assert!(why.contains(what), "{why}");
+        }
+        let (found, why) = told(&text[..text.len() / 2]);
+        assert!(found.starts_with("results[") || found.starts_with("references["), "{found}");
+        assert!(why.contains("EOF"), "{why}");
+        let (found, why) = told(&(text + "]"));
+        assert_eq!(found, "");
+        assert!(why.contains("trailing characters"), "{why}");
+        let error = Record::parse(b"{\"schema\":1,\"tool\":7}", Path::new("x")).unwrap_err();
+        assert_eq!(error.to_string(), "x is no benchmark record: tool");
     }
 }

@@ -262,10 +262,11 @@ fn check_view(at: &str, view: &View, depth: usize, problems: &mut Problems) {
         problems.add(&format!("{at}.samples"), Fault::Empty, "no sample was measured");
     }
     for (index, sample) in view.samples.iter().enumerate() {
-        let at = format!("{at}.samples[{index}].depths");
+        // A record may have millions of these, so places are put in words for problems only.
+        let at = format_args!("{at}.samples[{index}].depths");
         problems.wavefronts(&at, sample.depths.iter().map(|launch| launch.rays), depth);
         for (index, launch) in sample.depths.iter().enumerate() {
-            let at = format!("{at}[{index}].milliseconds");
+            let at = format_args!("{at}[{index}].milliseconds");
             problems.not_negative(&at, launch.milliseconds);
             if launch.rays > 0 && launch.milliseconds == 0.0 {
                 let what = format!("{} rays in no time", launch.rays);
@@ -302,8 +303,8 @@ fn check_view(at: &str, view: &View, depth: usize, problems: &mut Problems) {
 struct Problems(Vec<Problem>);
 
 impl Problems {
-    fn add(&mut self, at: &str, fault: Fault, what: impl Into<String>) {
-        self.0.push(Problem { at: at.into(), fault, what: what.into() });
+    fn add(&mut self, at: &(impl fmt::Display + ?Sized), fault: Fault, what: impl Into<String>) {
+        self.0.push(Problem { at: at.to_string(), fault, what: what.into() });
     }
 
     fn named(&mut self, at: &str, text: &str) {
@@ -318,7 +319,7 @@ impl Problems {
         }
     }
 
-    fn not_negative(&mut self, at: &str, value: f64) {
+    fn not_negative(&mut self, at: &(impl fmt::Display + ?Sized), value: f64) {
         if !value.is_finite() {
             self.add(at, Fault::NotFinite, format!("{value} is not a finite number"));
         } else if value < 0.0 {
@@ -326,7 +327,7 @@ impl Problems {
         }
     }
 
-    fn positive(&mut self, at: &str, value: f64) {
+    fn positive(&mut self, at: &(impl fmt::Display + ?Sized), value: f64) {
         self.not_negative(at, value);
         if value == 0.0 {
             self.add(at, Fault::Range, "zero");
@@ -334,7 +335,12 @@ impl Problems {
     }
 
     /// Primary rays, then bounces: each has no more rays than the one before, since rays only end.
-    fn wavefronts(&mut self, at: &str, rays: impl Iterator<Item = u64>, limit: usize) {
+    fn wavefronts(
+        &mut self,
+        at: &(impl fmt::Display + ?Sized),
+        rays: impl Iterator<Item = u64>,
+        limit: usize,
+    ) {
         let rays: Vec<u64> = rays.collect();
         if rays.first().is_none_or(|&primary| primary == 0) {
             self.add(at, Fault::Empty, "no primary rays");
