@@ -10,6 +10,7 @@ pub mod help;
 pub mod load;
 pub mod output;
 pub mod select;
+pub mod stats;
 
 pub use args::{Cli, Command};
 
