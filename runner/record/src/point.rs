@@ -83,6 +83,15 @@ pub struct Scene {
     pub load_milliseconds: f64,
 }
 
+impl Scene {
+    /// What its generator was given, as `scene.name`: what tells scenes of one name apart. Nothing of a file.
+    pub fn parameters(&self) -> Parameters {
+        let Source::Generator { parameters, .. } = &self.source else { return Parameters::default() };
+        let named = parameters.0.iter().map(|(name, value)| (format!("scene.{name}"), value.clone()));
+        Parameters(named.collect())
+    }
+}
+
 /// Where a scene's triangles come from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]

@@ -111,6 +111,7 @@ impl Record {
                 .parameters_of(point)
                 .0
                 .into_iter()
+                .chain(point.scene.parameters().0)
                 .map(|(name, value)| (name, value.to_string()))
                 .collect();
             let key = (point.scene.name.clone(), point.variant.clone(), parameters);
@@ -510,6 +511,16 @@ mod tests {
         let mut record = example();
         let mut point = record.results[0].clone();
         point.parameters.set("collapse.c_t", 3.0);
+        record.results.push(point);
+        assert_eq!(record.validate(), Ok(()));
+    }
+
+    #[test]
+    fn other_parameters_of_the_generator_are_another_point() {
+        let mut record = example();
+        let mut point = record.results[1].clone();
+        let Source::Generator { parameters, .. } = &mut point.scene.source else { panic!("it is generated") };
+        parameters.set("seed", 2u32);
         record.results.push(point);
         assert_eq!(record.validate(), Ok(()));
     }
