@@ -1,5 +1,6 @@
 //! The command line. What a command takes is defined in the command's own module.
 
+use crate::diff;
 use clap::{Parser, Subcommand};
 
 /// Turns benchmark records into text, tables and pictures.
@@ -23,12 +24,16 @@ pub struct Cli {
 
 const EXAMPLES: &str = "\
 Examples:
+  compare diff old.json new.json
+  compare diff old.json new.json --format commit
   compare completions bash > ~/.local/share/bash-completion/completions/compare
   compare man | man -l -";
 
 /// What there is to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Say what changed from one record to another, and how sure that is.
+    Diff(diff::Arguments),
     /// Print a script that completes this command line in a shell.
     Completions {
         /// The shell.

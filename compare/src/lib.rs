@@ -2,9 +2,11 @@
 //!
 //! Data flows one way. [`load`] makes a [`record::Record`] of a file, or an error that says where it is wrong.
 //! [`select`] orders its points by scene, variant and pass; [`figure`] has every value that a point can be asked
-//! for, by name. Each view (`diff` is one) then takes these and writes one kind of output.
+//! for, by name; [`stats`] says how sure a change is. Each view ([`diff`] is one) takes these and writes one kind of
+//! output.
 
 pub mod args;
+pub mod diff;
 pub mod figure;
 pub mod help;
 pub mod load;
@@ -42,6 +44,7 @@ impl From<Exit> for ExitCode {
 /// A record cannot be read, or the output cannot be written.
 pub fn run(cli: &Cli) -> anyhow::Result<Exit> {
     match &cli.command {
+        Command::Diff(arguments) => diff::run(arguments),
         Command::Completions { shell } => help::completions(*shell),
         Command::Man { command } => help::man(command.as_deref()),
     }

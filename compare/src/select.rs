@@ -30,7 +30,7 @@ pub struct Entry<'r> {
     pub point: &'r Point,
     /// Its place in the record's `results`.
     pub index: usize,
-    /// All parameters that held for it, those of the run included.
+    /// All parameters that held for it, those of the run included, and those of the scene's generator as `scene.…`.
     pub parameters: Parameters,
     /// What sets it apart from other points of its scene and variant.
     pub pass: Pass,
@@ -100,11 +100,10 @@ impl<'r> Selection<'r> {
     pub fn filtered(record: &'r Record, filter: &Filter) -> anyhow::Result<Selection<'r>> {
         let entries: Vec<Entry<'r>> = (record.results.iter().enumerate())
             .filter(|(_, point)| filter.admits(point))
-            .map(|(index, point)| Entry {
-                point,
-                index,
-                parameters: record.parameters_of(point),
-                pass: Pass::default(),
+            .map(|(index, point)| {
+                let mut parameters = record.parameters_of(point);
+                parameters.0.extend(point.scene.parameters().0);
+                Entry { point, index, parameters, pass: Pass::default() }
             })
             .collect();
         if entries.is_empty() {

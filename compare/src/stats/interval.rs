@@ -14,7 +14,7 @@ const RESAMPLES: usize = 2000;
 const TAIL: f64 = 4.0;
 
 /// A confidence interval of the ratio of new to old.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Interval {
     /// Its lower end.
     pub low: f64,
@@ -53,7 +53,8 @@ pub fn with_resamples(
         sums.iter_mut().zip(&resampled).for_each(|(sum, one)| *sum += one / cells.len() as f64);
         each.push(known.then(|| interval(std::slice::from_ref(cell), resampled)).flatten());
     }
-    let mean = each.iter().all(Option::is_some).then(|| interval(cells, sums)).flatten();
+    let known = cells.iter().all(|cell| cell.least() >= 2);
+    let mean = (known && !cells.is_empty()).then(|| interval(cells, sums)).flatten();
     (each, mean)
 }
 
@@ -72,7 +73,7 @@ fn resampled(count: usize, cell: &Cell, random: &mut Random) -> Vec<f64> {
             }
             drawn.clear();
             drawn.extend(draws);
-            cell.middle.of(&drawn)
+            cell.middle.of_shuffled(&mut drawn)
         };
         side.iter().map(|(weight, values)| weight * of(values)).sum()
     };
