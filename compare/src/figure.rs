@@ -112,7 +112,7 @@ impl Figure {
             Figure::LeafTriangles => of_trees(point, |tree| tree.average_triangles_per_leaf),
             Figure::Depth => of_trees(point, |tree| f64::from(tree.depth)),
             Figure::SahCost => of_trees(point, |tree| tree.sah_cost),
-            Figure::Bytes => of_trees(point, |tree| (tree.node_bytes + tree.triangle_bytes) as f64),
+            Figure::Bytes => of_trees(point, |tree| tree.node_bytes as f64 + tree.triangle_bytes as f64),
         }
     }
 }

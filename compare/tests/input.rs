@@ -3,7 +3,11 @@
 mod common;
 
 use common::{compare_in, stderr, stdout, synthetic};
+use compare::diff::{Named, compare};
+use compare::select::Filter;
+use record::Record;
 use std::fs;
+use std::path::Path;
 use tempfile::tempdir;
 
 /// Compares a sound record with what became of its text, and expects to be told `what`.
@@ -72,7 +76,7 @@ fn records_of_another_time() {
 
 #[test]
 fn records_that_contradict_themselves() {
-    let with = |change: fn(&mut record::Record)| {
+    let with = |change: fn(&mut Record)| {
         let mut record = synthetic(1, |_, _, _| 1.0);
         change(&mut record);
         serde_json::to_string(&record).unwrap()
@@ -98,4 +102,38 @@ fn fields_that_nobody_knows_are_no_error() {
     let missing = compare_in(folder.path(), &["diff", "a.json", "none.json"]);
     assert_eq!(missing.status.code(), Some(1));
     assert!(stderr(&missing).contains("cannot read none.json: No such file"), "{}", stderr(&missing));
+}
+
+/// Bytes that change, vanish or come twice, at random: whatever is left is compared or refused.
+#[test]
+fn nothing_makes_it_panic() {
+    let sound = serde_json::to_vec(&record::example()).unwrap();
+    let path = Path::new("damaged.json");
+    let mut state = 1u64;
+    let mut random = |end: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % end
+    };
+    let mut compared = 0;
+    for _ in 0..20_000 {
+        let mut text = sound.clone();
+        for _ in 0..=random(3) {
+            let at = random(text.len());
+            let until = (at + random(30)).min(text.len());
+            match random(5) {
+                0 => drop(text.drain(at..until)),
+                1 => text.splice(at..at, text[at..until].to_vec()).for_each(drop),
+                2 => text[at] = b'0' + random(10) as u8,
+                3 => text.splice(at..at, *b"9999999999").for_each(drop),
+                _ => text[at] = b" -,.:[]{}eE\"0\xff"[random(14)],
+            }
+        }
+        let Ok(damaged) = Record::parse(&text, path) else { continue };
+        if damaged.validate().is_ok() && random(20) == 0 {
+            let side = Named::new(path, &damaged);
+            let _ = compare(side, side, &Filter::default(), 0.01);
+            compared += 1;
+        }
+    }
+    assert!(compared > 50, "{compared}");
 }

@@ -17,7 +17,8 @@ pub fn cell(figure: Figure, pair: &Pair) -> Option<Cell> {
         Figure::Total => builds(old, new)?,
         _ => return None,
     };
-    let sound = |values: &[f64]| !values.is_empty() && values.iter().all(|value| *value > 0.0);
+    let sound =
+        |values: &[f64]| !values.is_empty() && values.iter().all(|value| value.is_normal() && *value > 0.0);
     cell.groups.iter().all(|group| sound(&group.old) && sound(&group.new)).then_some(cell)
 }
 

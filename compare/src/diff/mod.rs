@@ -7,13 +7,13 @@
 //!  Comparison ─► commit | terminal | markdown | JSON
 //! ```
 
-mod cell;
+pub mod cell;
 mod commit;
 mod comparison;
 mod judge;
 mod markdown;
 mod obstacle;
-mod pair;
+pub mod pair;
 mod percent;
 mod remark;
 mod terminal;

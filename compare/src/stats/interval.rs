@@ -104,7 +104,11 @@ fn tail(cells: &[Cell]) -> Option<f64> {
         return Some((1.0 - LEVEL) / 2.0);
     }
     let parts: f64 = variances.iter().map(|(variance, freedom)| variance.powi(2) / freedom).sum();
-    let tail = normal().cdf(-quantile((1.0 + LEVEL) / 2.0, sum.powi(2) / parts));
+    let freedom = sum.powi(2) / parts;
+    if !freedom.is_normal() {
+        return None;
+    }
+    let tail = normal().cdf(-quantile((1.0 + LEVEL) / 2.0, freedom));
     (tail * RESAMPLES as f64 >= TAIL).then_some(tail)
 }
 

@@ -284,6 +284,9 @@ fn check_view(at: &str, view: &View, depth: usize, problems: &mut Problems) {
                 let what = "counts without rays";
                 problems.add(&format!("{at}[{index}]"), Fault::Mismatch, what);
             }
+            if count.nodes.max(count.boxes).max(count.triangles) > COUNTABLE {
+                problems.add(&format!("{at}[{index}]"), Fault::Range, "more than anybody can count");
+            }
         }
     }
     for (name, telemetry) in [("before", &view.before), ("after", &view.after)] {
@@ -299,6 +302,9 @@ fn check_view(at: &str, view: &View, depth: usize, problems: &mut Problems) {
         }
     }
 }
+
+/// Totals above this are mistakes. Below it, those of thousands of wavefronts can be added up in 64 bits.
+const COUNTABLE: u64 = 1 << 50;
 
 #[derive(Default)]
 struct Problems(Vec<Problem>);
@@ -345,6 +351,10 @@ impl Problems {
         let rays: Vec<u64> = rays.collect();
         if rays.first().is_none_or(|&primary| primary == 0) {
             self.add(at, Fault::Empty, "no primary rays");
+        }
+        if let Some(index) = rays.iter().position(|&rays| rays > COUNTABLE) {
+            let what = format!("{} are more than anybody can trace", rays[index]);
+            self.add(&format_args!("{at}[{index}].rays"), Fault::Range, what);
         }
         if rays.len() > limit {
             let what = format!("{} depths, and the run's limit is {limit}", rays.len());
@@ -398,6 +408,13 @@ mod tests {
         breaks(&time, NoTime, |r| *milliseconds(r) = 0.0);
         breaks(&format!("{launch}.rays"), Mismatch, |r| {
             r.results[0].views[0].samples[1].depths[2].rays = 1 << 40;
+        });
+
+        breaks("results[0].views[0].samples[1].depths[0].rays", Range, |r| {
+            r.results[0].views[0].samples[1].depths[0].rays = u64::MAX;
+        });
+        breaks("results[0].views[0].counters.depths[1]", Range, |r| {
+            r.results[0].views[0].counters.as_mut().unwrap().depths[1].boxes = u64::MAX;
         });
 
         breaks("schema", Range, |r| r.schema = 2);
