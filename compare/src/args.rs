@@ -26,6 +26,8 @@ const EXAMPLES: &str = "\
 Examples:
   compare diff old.json new.json
   compare diff old.json new.json --format commit
+  compare latex record.json --table scene --scene 'bistro*' --standalone > tables.tex
+  compare markdown sweep.json --table workgroup
   compare completions bash > ~/.local/share/bash-completion/completions/compare
   compare man | man -l -";
 
@@ -34,6 +36,10 @@ Examples:
 pub enum Command {
     /// Say what changed from one record to another, and how sure that is.
     Diff(diff::Arguments),
+    /// Write tables as LaTeX.
+    Latex(crate::tables::command::LatexArguments),
+    /// Write tables as Markdown.
+    Markdown(crate::tables::command::Arguments),
     /// Print a script that completes this command line in a shell.
     Completions {
         /// The shell.

@@ -13,6 +13,7 @@ pub mod load;
 pub mod output;
 pub mod select;
 pub mod stats;
+pub mod tables;
 
 pub use args::{Cli, Command};
 
@@ -45,6 +46,8 @@ impl From<Exit> for ExitCode {
 pub fn run(cli: &Cli) -> anyhow::Result<Exit> {
     match &cli.command {
         Command::Diff(arguments) => diff::run(arguments),
+        Command::Latex(arguments) => tables::command::latex(arguments),
+        Command::Markdown(arguments) => tables::command::markdown(arguments),
         Command::Completions { shell } => help::completions(*shell),
         Command::Man { command } => help::man(command.as_deref()),
     }

@@ -1,0 +1,93 @@
+//! What tables are made of.
+
+use crate::select::{Entry, Filter, REFERENCE, Selection};
+use record::{Rays, Record};
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+
+/// Points of some records, and how they are to be looked at.
+#[derive(Debug)]
+pub struct Input<'r> {
+    /// Each record with the points that were chosen of it.
+    pub sources: Vec<Shown<'r>>,
+    /// The variant that others are relative to.
+    pub reference: String,
+    /// Rays that decide where both kinds are concerned.
+    pub rays: Rays,
+    /// What whoever reads the tables should know about how they came to be.
+    pub remarks: RefCell<Vec<String>>,
+}
+
+/// The points of a record and those that are to be shown.
+#[derive(Debug)]
+pub struct Shown<'r> {
+    /// All points: what others are relative to is among them even where it is not shown.
+    pub all: Selection<'r>,
+    chosen: BTreeSet<usize>,
+}
+
+impl<'r> Shown<'r> {
+    /// Points of a record that a filter admits.
+    ///
+    /// # Errors
+    /// There are none.
+    pub fn new(record: &'r Record, filter: &Filter) -> anyhow::Result<Shown<'r>> {
+        let chosen = Selection::filtered(record, filter)?.entries.iter().map(|entry| entry.index).collect();
+        Ok(Shown { all: Selection::new(record), chosen })
+    }
+
+    /// The points to be shown, in the record's order.
+    pub fn entries(&self) -> impl Iterator<Item = &Entry<'r>> {
+        self.all.entries.iter().filter(|entry| self.chosen.contains(&entry.index))
+    }
+}
+
+impl<'r> Input<'r> {
+    /// Points of some records. A record in which the filter finds none is left out where another has some.
+    ///
+    /// # Errors
+    /// No record has such a point, or somebody asked for values relative to a variant that no record has.
+    pub fn new(records: &'r [Record], filter: &Filter, reference: Option<&str>) -> anyhow::Result<Input<'r>> {
+        let (found, failed): (Vec<_>, Vec<_>) =
+            records.iter().map(|record| Shown::new(record, filter)).partition(Result::is_ok);
+        let sources: Vec<Shown> = found.into_iter().flatten().collect();
+        if sources.is_empty() {
+            match failed.into_iter().next() {
+                Some(Err(error)) => return Err(error),
+                _ => anyhow::bail!("there is no record"),
+            }
+        }
+        if let Some(name) = reference {
+            check_reference(sources.iter().map(|source| &source.all), name)?;
+        }
+        let reference = reference.unwrap_or(REFERENCE).to_owned();
+        Ok(Input { sources, reference, rays: Rays::All, remarks: RefCell::default() })
+    }
+
+    /// Says something once.
+    pub fn remark(&self, text: String) {
+        let mut remarks = self.remarks.borrow_mut();
+        if !remarks.contains(&text) {
+            remarks.push(text);
+        }
+    }
+}
+
+/// Makes sure that a variant which others are to be relative to is there.
+///
+/// # Errors
+/// It is not; the error lists those that are.
+pub fn check_reference<'a>(
+    mut records: impl Iterator<Item = &'a Selection<'a>> + Clone,
+    name: &str,
+) -> anyhow::Result<()> {
+    let known: BTreeSet<&str> = records.clone().flat_map(Selection::variants).collect();
+    if records.any(|selection| selection.variants().contains(&name)) {
+        return Ok(());
+    }
+    let known: Vec<&str> = known.into_iter().collect();
+    anyhow::bail!(
+        "no point is of the variant {name:?}, to which others should be relative; there are {}",
+        known.join(", ")
+    )
+}

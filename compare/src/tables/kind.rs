@@ -1,0 +1,41 @@
+//! Which tables there are.
+
+use super::{Input, Table, best, resources, scene, single_kernel, traversal_cost, workgroup};
+
+/// A kind of table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Kind {
+    /// One for each scene: build, rates and what rays meet, of every variant (thesis tables 13 to 17)
+    Scene,
+    /// Rates with each size of workgroup relative to the best, by variant (7 to 12)
+    Workgroup,
+    /// Rates with each traversal cost relative to the best, by variant, and the best cost (6, 5)
+    TraversalCost,
+    /// The best value of everything that was varied, by variant (4)
+    Best,
+    /// Registers, memory and occupancy of the kernels (2)
+    Resources,
+    /// Rates of separate kernels relative to a single one (3)
+    SingleKernel,
+}
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Kind; 6] =
+        [Kind::Scene, Kind::Workgroup, Kind::TraversalCost, Kind::Best, Kind::Resources, Kind::SingleKernel];
+
+    /// The tables of this kind that come of some records; at least one.
+    ///
+    /// # Errors
+    /// The records have not what it takes; the error says what would.
+    pub fn tables(self, input: &Input) -> anyhow::Result<Vec<Table>> {
+        match self {
+            Kind::Scene => scene::tables(input),
+            Kind::Workgroup => workgroup::tables(input),
+            Kind::TraversalCost => traversal_cost::tables(input),
+            Kind::Best => best::tables(input),
+            Kind::Resources => resources::tables(input),
+            Kind::SingleKernel => single_kernel::tables(input),
+        }
+    }
+}

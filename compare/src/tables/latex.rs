@@ -1,0 +1,184 @@
+//! Tables as LaTeX, with the packages booktabs, xcolor, graphicx and longtable.
+
+use super::{Align, Cell, Column, Emphasis, Row, Table};
+
+/// Tables with more rows than this go over several pages.
+const ROWS_OF_A_PAGE: usize = 40;
+
+/// What a document must load for the tables.
+const PACKAGES: &str =
+    "\\usepackage{booktabs}\n\\usepackage{xcolor}\n\\usepackage{graphicx}\n\\usepackage{longtable}\n";
+
+/// Tables as a part of a document.
+pub fn fragment(tables: &[Table]) -> String {
+    let needs = PACKAGES.lines().map(|line| format!("%   {line}\n")).collect::<String>();
+    format!("% In the preamble:\n%   \\usepackage[utf8]{{inputenc}}\n{needs}\n{}", bodies(tables))
+}
+
+/// Tables as a document of their own.
+pub fn document(tables: &[Table]) -> String {
+    format!(
+        "\\documentclass[a4paper]{{article}}\n\\usepackage[utf8]{{inputenc}}\n\
+         \\usepackage[landscape,margin=15mm]{{geometry}}\n{PACKAGES}\\begin{{document}}\n\n{}\n\\end{{document}}\n",
+        bodies(tables)
+    )
+}
+
+fn bodies(tables: &[Table]) -> String {
+    let mut names: Vec<String> = Vec::new();
+    let mut bodies = Vec::new();
+    for table in tables {
+        let name = label(&table.name);
+        let taken = names.iter().filter(|known| **known == name).count();
+        // A label that is there twice would be one too many for LaTeX.
+        let own = if taken == 0 { name.clone() } else { format!("{name}-{}", taken + 1) };
+        names.push(name);
+        bodies.push(body(table, &own));
+    }
+    bodies.join("\n")
+}
+
+fn body(table: &Table, label: &str) -> String {
+    let columns: String = (table.columns.iter())
+        .map(|column| match column.align {
+            Align::Left => 'l',
+            Align::Right => 'r',
+        })
+        .collect();
+    let title = format!("\\caption{{{}}}\n\\label{{tab:{label}}}", caption(table));
+    let head = head(table);
+    let rows: String = table.rows.iter().map(row).collect();
+    if table.rows.len() > ROWS_OF_A_PAGE {
+        return format!(
+            "\\begingroup\n\\footnotesize\n\\begin{{longtable}}{{{columns}}}\n{title}\\\\\n\\toprule\n{head}\\midrule\n\
+             \\endfirsthead\n\\toprule\n{head}\\midrule\n\\endhead\n\\bottomrule\n\\endfoot\n{rows}\
+             \\end{{longtable}}\n\\endgroup\n"
+        );
+    }
+    // What is wider than the text is made smaller.
+    format!(
+        "\\begin{{table}}[htbp]\n\\centering\n{title}\n\\footnotesize\n\
+         \\resizebox{{\\ifdim\\width>\\linewidth\\linewidth\\else\\width\\fi}}{{!}}{{%\n\
+         \\begin{{tabular}}{{{columns}}}\n\\toprule\n{head}\\midrule\n{rows}\\bottomrule\n\\end{{tabular}}}}\n\
+         \\end{{table}}\n"
+    )
+}
+
+fn caption(table: &Table) -> String {
+    let mut text = escaped(&table.caption);
+    for (emphasis, meaning) in table.explained() {
+        let name = match emphasis {
+            Emphasis::Plain => continue,
+            Emphasis::Best => "Bold",
+            Emphasis::Poor => "Bold and red",
+        };
+        text += &format!(" {name}: {}.", escaped(meaning));
+    }
+    text
+}
+
+/// Heads of columns, in as many rows as the tallest has; short ones stand below.
+fn head(table: &Table) -> String {
+    let mut text = String::new();
+    let groups = table.groups();
+    if groups.iter().any(|(group, _)| group.is_some()) {
+        let (mut heads, mut rules, mut first) = (Vec::new(), String::new(), 1);
+        for (group, count) in groups {
+            if let Some(group) = group {
+                heads.push(format!("\\multicolumn{{{count}}}{{c}}{{{}}}", escaped(group)));
+                rules += &format!("\\cmidrule(lr){{{first}-{}}}", first + count - 1);
+            } else {
+                heads.push(String::new());
+            }
+            first += count;
+        }
+        text += &format!("{} \\\\\n{rules}\n", heads.join(" & "));
+    }
+    let tallest = table.columns.iter().map(|column| column.head.len()).max().unwrap_or(0);
+    for line in 0..tallest {
+        let part = |column: &Column| {
+            let above = tallest - column.head.len();
+            line.checked_sub(above)
+                .and_then(|at| column.head.get(at))
+                .map_or_else(String::new, |part| escaped(part))
+        };
+        let parts: Vec<String> = table.columns.iter().map(part).collect();
+        if parts.iter().any(|part| !part.is_empty()) {
+            text += &format!("{} \\\\\n", parts.join(" & "));
+        }
+    }
+    text
+}
+
+fn row(row: &Row) -> String {
+    let space = if row.apart { "\\addlinespace\n" } else { "" };
+    format!("{space}{} \\\\\n", row.cells.iter().map(cell).collect::<Vec<_>>().join(" & "))
+}
+
+fn cell(cell: &Cell) -> String {
+    let text = escaped(&cell.to_string());
+    match cell.emphasis {
+        Emphasis::Plain => text,
+        Emphasis::Best => format!("\\textbf{{{text}}}"),
+        Emphasis::Poor => format!("\\textbf{{\\textcolor{{red}}{{{text}}}}}"),
+    }
+}
+
+/// A name that labels may have.
+fn label(name: &str) -> String {
+    name.chars().map(|letter| if letter.is_ascii_alphanumeric() { letter } else { '-' }).collect()
+}
+
+/// A text in which nothing is markup, and in which pdfLaTeX knows every letter: one that it does not know is given
+/// by its number.
+pub fn escaped(text: &str) -> String {
+    let mut out = String::new();
+    for letter in text.chars() {
+        match letter {
+            '&' | '%' | '$' | '#' | '_' | '{' | '}' => out.extend(['\\', letter]),
+            '\\' => out += "\\textbackslash{}",
+            '~' => out += "\\textasciitilde{}",
+            '^' => out += "\\textasciicircum{}",
+            '<' => out += "\\textless{}",
+            '>' => out += "\\textgreater{}",
+            '|' => out += "\\textbar{}",
+            '"' => out += "\\textquotedbl{}",
+            '\'' => out += "\\textquotesingle{}",
+            '`' => out += "\\textasciigrave{}",
+            // In brackets a line's first letter could be taken for an option of the row break above it.
+            '[' | ']' => out.extend(['{', letter, '}']),
+            '*' => out += "{*}",
+            // Two in a row would become a dash.
+            '-' => out += "{-}",
+            '–' => out += "--",
+            '—' => out += "---",
+            '×' => out += "$\\times$",
+            '±' => out += "$\\pm$",
+            'µ' | 'μ' => out += "$\\mu$",
+            'ₜ' => out += "$_t$",
+            'ᵢ' => out += "$_i$",
+            letter if letter.is_ascii_graphic() || letter == ' ' => out.push(letter),
+            letter if letter.is_whitespace() || letter.is_control() => out.push(' '),
+            letter if known(letter) => out.push(letter),
+            letter => out += &format!("{{[}}U+{:04X}{{]}}", u32::from(letter)),
+        }
+    }
+    out
+}
+
+/// Whether pdfLaTeX has a letter beyond ASCII in its first fonts: most of those with accents.
+fn known(letter: char) -> bool {
+    matches!(letter, 'À'..='ſ')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_in_a_value_is_markup() {
+        assert_eq!(escaped(r"a_b & 50% $x$ #1 {y} \z"), r"a\_b \& 50\% \$x\$ \#1 \{y\} \textbackslash{}z");
+        assert_eq!(escaped("32 × 2 – cₜ\n日"), "32 $\\times$ 2 -- c$_t$ {[}U+65E5{]}");
+        assert_eq!(label("scene-bistro_int é"), "scene-bistro-int--");
+    }
+}
