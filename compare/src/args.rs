@@ -26,6 +26,7 @@ const EXAMPLES: &str = "\
 Examples:
   compare diff old.json new.json
   compare diff old.json new.json --format commit
+  compare csv record.json --relative-to Binary > record.csv
   compare latex record.json --table scene --scene 'bistro*' --standalone > tables.tex
   compare markdown sweep.json --table workgroup
   compare completions bash > ~/.local/share/bash-completion/completions/compare
@@ -36,6 +37,8 @@ Examples:
 pub enum Command {
     /// Say what changed from one record to another, and how sure that is.
     Diff(diff::Arguments),
+    /// Write values as CSV, for spreadsheets, pandas and R.
+    Csv(crate::csv::Arguments),
     /// Write tables as LaTeX.
     Latex(crate::tables::command::LatexArguments),
     /// Write tables as Markdown.

@@ -7,6 +7,7 @@
 
 pub mod args;
 pub mod diff;
+pub mod csv;
 pub mod figure;
 pub mod help;
 pub mod load;
@@ -46,6 +47,7 @@ impl From<Exit> for ExitCode {
 pub fn run(cli: &Cli) -> anyhow::Result<Exit> {
     match &cli.command {
         Command::Diff(arguments) => diff::run(arguments),
+        Command::Csv(arguments) => csv::run(arguments),
         Command::Latex(arguments) => tables::command::latex(arguments),
         Command::Markdown(arguments) => tables::command::markdown(arguments),
         Command::Completions { shell } => help::completions(*shell),
