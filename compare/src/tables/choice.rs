@@ -26,7 +26,7 @@ pub fn scenes(choices: &[(&str, Choice)]) -> String {
     let most = choices.iter().map(|(_, choice)| &choice.scenes).max_by_key(|scenes| scenes.len());
     let Some(most) = most else { return String::new() };
     let others = choices.iter().filter(|(_, choice)| choice.scenes != *most);
-    let others = others.map(|(variant, choice)| format!("; of {variant} {}", choice.scenes.join(", ")));
+    let others = others.map(|(variant, choice)| format!("; of {variant} only {}", choice.scenes.join(", ")));
     format!("{}{}", most.join(", "), others.collect::<String>())
 }
 

@@ -50,14 +50,14 @@ fn body(table: &Table, label: &str) -> String {
     let rows: String = table.rows.iter().map(row).collect();
     if table.rows.len() > ROWS_OF_A_PAGE {
         return format!(
-            "\\begingroup\n\\footnotesize\n\\begin{{longtable}}{{{columns}}}\n{title}\\\\\n\\toprule\n{head}\\midrule\n\
+            "\\begingroup\n\\footnotesize\n\\setlength{{\\LTcapwidth}}{{\\linewidth}}\n\\begin{{longtable}}{{{columns}}}\n{title}\\\\\n\\toprule\n{head}\\midrule\n\
              \\endfirsthead\n\\toprule\n{head}\\midrule\n\\endhead\n\\bottomrule\n\\endfoot\n{rows}\
              \\end{{longtable}}\n\\endgroup\n"
         );
     }
     // What is wider than the text is made smaller.
     format!(
-        "\\begin{{table}}[htbp]\n\\centering\n{title}\n\\footnotesize\n\
+        "\\begin{{table}}[htbp]\n\\centering\n{title}\n\\medskip\n\\footnotesize\n\
          \\resizebox{{\\ifdim\\width>\\linewidth\\linewidth\\else\\width\\fi}}{{!}}{{%\n\
          \\begin{{tabular}}{{{columns}}}\n\\toprule\n{head}\\midrule\n{rows}\\bottomrule\n\\end{{tabular}}}}\n\
          \\end{{table}}\n"
@@ -142,7 +142,7 @@ pub fn escaped(text: &str) -> String {
             '<' => out += "\\textless{}",
             '>' => out += "\\textgreater{}",
             '|' => out += "\\textbar{}",
-            '"' => out += "\\textquotedbl{}",
+            '"' => out += "''",
             '\'' => out += "\\textquotesingle{}",
             '`' => out += "\\textasciigrave{}",
             // In brackets a line's first letter could be taken for an option of the row break above it.
@@ -166,9 +166,10 @@ pub fn escaped(text: &str) -> String {
     out
 }
 
-/// Whether pdfLaTeX has a letter beyond ASCII in its first fonts: most of those with accents.
+/// Whether pdfLaTeX knows a letter beyond ASCII in the fonts that it begins with (encoding OT1): most of those with
+/// accents.
 fn known(letter: char) -> bool {
-    matches!(letter, 'À'..='ſ')
+    matches!(letter, 'À'..='ſ') && !"ÐÞðþĄąĐđĘęĦħĮįĸĿŀŉŊŋŦŧŲųſ".contains(letter)
 }
 
 #[cfg(test)]
@@ -178,6 +179,10 @@ mod tests {
     #[test]
     fn nothing_in_a_value_is_markup() {
         assert_eq!(escaped(r"a_b & 50% $x$ #1 {y} \z"), r"a\_b \& 50\% \$x\$ \#1 \{y\} \textbackslash{}z");
+        assert_eq!(
+            escaped("Lukáš 'a' \"b\" ą"),
+            "Lukáš \\textquotesingle{}a\\textquotesingle{} ''b'' {[}U+0105{]}"
+        );
         assert_eq!(escaped("32 × 2 – cₜ\n日"), "32 $\\times$ 2 -- c$_t$ {[}U+65E5{]}");
         assert_eq!(label("scene-bistro_int é"), "scene-bistro-int--");
     }

@@ -59,7 +59,7 @@ pub fn tables(input: &Input) -> anyhow::Result<Vec<Table>> {
             whole(kernel.local_bytes),
             whole(kernel.shared_bytes)
                 .with_if(kernel.shared_bytes.is_some_and(|bytes| bytes > SPILLED), Emphasis::Poor),
-            Cell::number(kernel.occupancy.map(|share| 100.0 * share), 0)
+            Cell::number(kernel.occupancy.map(|share| 100.0 * share), 1)
                 .with_if(kernel.occupancy.is_some_and(|share| share < FULL_ENOUGH), Emphasis::Poor),
         ];
         if spills {

@@ -73,8 +73,13 @@ fn cell(choice: &Choice, size: &str, of: fn(&Relative) -> f64) -> Cell {
     };
     let value = choice.values[at].relative.as_ref().map(of);
     Cell::number(value, 2)
-        .with_if(value.is_some_and(|value| value < POOR), Emphasis::Poor)
+        .with_if(value.is_some_and(poor), Emphasis::Poor)
         .with_if(at == choice.best, Emphasis::Best)
+}
+
+/// Whether a share, as it is printed, is below [`POOR`].
+fn poor(share: f64) -> bool {
+    (100.0 * share).round() < 100.0 * POOR
 }
 
 /// A size of workgroups as the thesis writes it, such as 32 × 8: invocations of a subgroup, and subgroups.
