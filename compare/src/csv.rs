@@ -6,7 +6,7 @@ use crate::tables::check_reference;
 use crate::{Exit, load::load, output::print};
 use anyhow::{Context, bail};
 use record::Rays;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 
 /// What the command takes.
@@ -191,15 +191,23 @@ fn wide(
     head.extend(place.map(|_| "figure".to_owned()));
     head.extend(reference.map(|_| "relative_to".to_owned()));
     head.extend(columns.iter().map(name));
-    let mut rows = vec![head];
-    for kept in in_order(lines.iter().map(stay)) {
-        let own: Vec<&Line> = lines.iter().filter(|line| stay(line) == kept).collect();
-        let value = |column: &String| {
-            cell(own.iter().find(|line| spread(line) == *column).and_then(|line| line.value))
-        };
-        let values: Vec<String> = columns.iter().map(value).collect();
-        let reference = reference.map(str::to_owned);
-        rows.push(kept.into_iter().chain(reference).chain(values).collect());
+    // Rows in order of first appearance.
+    let mut places: HashMap<Vec<String>, usize> = HashMap::new();
+    let mut kept: Vec<(Vec<String>, Vec<String>)> = Vec::new();
+    let column: HashMap<&String, usize> = columns.iter().enumerate().map(|(at, name)| (name, at)).collect();
+    for line in lines {
+        let own = stay(line);
+        let row = *places.entry(own.clone()).or_insert_with(|| {
+            kept.push((own, vec![String::new(); columns.len()]));
+            kept.len() - 1
+        });
+        kept[row].1[column[&spread(line)]] = cell(line.value);
     }
-    Ok(rows)
+    let row = |(keys, values): (Vec<String>, Vec<String>)| -> Vec<String> {
+        keys.into_iter().chain(reference.map(str::to_owned)).chain(values).collect()
+    };
+    Ok(std::iter::once(head).chain(kept.into_iter().map(row)).collect())
 }
+
+#[cfg(test)]
+mod tests;

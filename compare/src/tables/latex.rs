@@ -92,7 +92,13 @@ fn head(table: &Table) -> String {
             }
             first += count;
         }
-        text += &format!("{} \\\\\n{rules}\n", heads.join(" & "));
+        text += &format!("{} \\\\\n", heads.join(" & "));
+        // A rule between a group and its columns; the one below the head does where these have no heads.
+        let below =
+            |column: &Column| column.group.is_some() && column.head.iter().any(|part| !part.is_empty());
+        if table.columns.iter().any(below) {
+            text += &format!("{rules}\n");
+        }
     }
     let tallest = table.columns.iter().map(|column| column.head.len()).max().unwrap_or(0);
     for line in 0..tallest {

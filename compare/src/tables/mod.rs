@@ -26,3 +26,6 @@ pub use cell::{Cell, Content, Emphasis};
 pub use input::{Input, check_reference};
 pub use kind::Kind;
 pub use table::{Align, Column, Row, Table};
+
+#[cfg(test)]
+mod tests;

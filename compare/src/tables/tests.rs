@@ -1,0 +1,177 @@
+//! Every kind of table, from small records, in both forms.
+
+use super::sample::{point, record, with};
+use super::{Input, Kind, latex, markdown};
+use crate::select::Filter;
+use record::{OccupancyLimit, Record};
+
+/// Two scenes, three variants, a name that must be escaped, and gaps.
+fn scenes() -> Record {
+    let mut record = record::example();
+    let by_view = record.results.swap_remove(1);
+    record.results.clear();
+    for (scene, factor) in [("hall_1", 1.0), ("50% & more", 2.0)] {
+        record.results.push(point(scene, "Binary", 1000.0 * factor, 200.0 * factor));
+        let mut wide = point(scene, "Wide4", 900.0 * factor, 250.0 * factor);
+        wide.tree.average_children = 3.1;
+        wide.views[0].counters = None;
+        record.results.push(wide);
+        let mut own = point(scene, "Wide4 CBTC", 950.0 * factor, 260.0 * factor);
+        own.views[0].adaptation = by_view.views[0].adaptation.clone();
+        record.results.push(own);
+    }
+    record
+}
+
+/// Both axes of workgroups walk together; one size is slow, and one is missing for a variant.
+fn workgroups() -> Record {
+    let mut record = record();
+    for (scene, factor) in [("a", 1.0), ("b", 3.0)] {
+        for (size, primary, secondary) in [(2u32, 900.0, 95.0), (8, 1000.0, 100.0), (32, 980.0, 80.0)] {
+            for variant in ["Binary", "Wide4 Quantized"] {
+                if (variant, size) == ("Wide4 Quantized", 32) {
+                    continue;
+                }
+                let point = point(scene, variant, primary * factor, secondary * factor);
+                let point = with(point, "trace.primary_subgroups", size);
+                record.results.push(with(point, "trace.secondary_subgroups", size));
+            }
+        }
+    }
+    record.results.remove(0);
+    record
+}
+
+/// Traversal costs of two variants, one of which lacks a point.
+fn costs() -> Record {
+    let mut record = record();
+    record.results.clear();
+    for (scene, factor) in [("a", 1.0), ("b", 3.0)] {
+        for (cost, loss) in [(1.0, 0.98), (2.0, 1.0), (10.0, 0.9)] {
+            for variant in ["Binary", "Wide4 Quantized"] {
+                if (scene, variant, cost) == ("b", "Wide4 Quantized", 1.0) {
+                    continue;
+                }
+                let point = point(scene, variant, 1000.0 * factor * loss, 100.0 * factor * loss);
+                record.results.push(with(point, "collapse.c_t", cost));
+            }
+        }
+    }
+    record
+}
+
+/// Kernels of all sorts: full, spilling, and one of which nothing is known.
+fn kernels() -> Record {
+    let mut record = record();
+    record.results = vec![point("a", "Binary", 1.0, 1.0), point("a", "Wide4", 1.0, 1.0)];
+    let own = &mut record.results[1].kernels;
+    own.truncate(1);
+    own[0].purpose = "all".into();
+    (own[0].registers, own[0].shared_bytes, own[0].spills) = (Some(156), Some(3344), Some(2));
+    (own[0].occupancy, own[0].limited_by) = (Some(0.25), Some(OccupancyLimit::Registers));
+    own.push(record::Kernel {
+        name: "traverse/wide4".into(),
+        purpose: "secondary".into(),
+        workgroup_size: 48,
+        subgroup_size: 32,
+        registers: None,
+        local_bytes: None,
+        shared_bytes: None,
+        spills: None,
+        code_bytes: None,
+        occupancy: None,
+        limited_by: None,
+    });
+    record
+}
+
+/// One record with separate kernels and one with a single one, in two scenes.
+fn both_ways() -> [Record; 2] {
+    ["separate", "single"].map(|way| {
+        let mut record = record();
+        let slow = if way == "single" { 0.8 } else { 1.0 };
+        record.results = ["a", "b"]
+            .iter()
+            .map(|scene| with(point(scene, "Wide4", 1000.0, 100.0 * slow), "trace.kernels", way))
+            .collect();
+        record
+    })
+}
+
+#[track_caller]
+fn written(records: &[Record], kind: Kind) -> String {
+    let input = Input::new(records, &Filter::default(), None).unwrap();
+    let tables = kind.tables(&input).unwrap();
+    let remarks = input.remarks.take().join("\n");
+    format!("{remarks}\n\n{}\n\n{}", markdown::page(&tables), latex::fragment(&tables))
+}
+
+#[test]
+fn each_kind_is_written_in_both_forms() {
+    insta::assert_snapshot!("scene", written(&[scenes()], Kind::Scene));
+    insta::assert_snapshot!("workgroup", written(&[workgroups()], Kind::Workgroup));
+    insta::assert_snapshot!("traversal-cost", written(&[costs()], Kind::TraversalCost));
+    insta::assert_snapshot!("best", written(&[workgroups(), costs()], Kind::Best));
+    insta::assert_snapshot!("resources", written(&[kernels()], Kind::Resources));
+    insta::assert_snapshot!("single-kernel", written(&both_ways(), Kind::SingleKernel));
+}
+
+#[test]
+fn a_document_stands_alone() {
+    let records = both_ways();
+    let input = Input::new(&records, &Filter::default(), None).unwrap();
+    insta::assert_snapshot!("document", latex::document(&Kind::SingleKernel.tables(&input).unwrap()));
+}
+
+#[test]
+fn tables_longer_than_a_page_are_broken() {
+    let mut record = record();
+    record.results = (0..41).map(|at| point("a", &format!("Variant {at}"), 1.0, 1.0)).collect();
+    let text = written(&[record], Kind::Scene);
+    assert!(text.contains("\\begin{longtable}") && !text.contains("\\begin{table}"), "{text}");
+    assert!(text.contains("no point of Binary to be relative to"), "{text}");
+}
+
+#[test]
+fn what_a_record_lacks_is_an_error_that_says_what_to_do() {
+    for kind in Kind::ALL {
+        let mut record = record();
+        record.results[0].kernels.clear();
+        let records = [record];
+        let input = Input::new(&records, &Filter::default(), None).unwrap();
+        match (kind, kind.tables(&input)) {
+            (Kind::Scene, tables) => assert_eq!(tables.unwrap().len(), 1),
+            (_, tables) => assert!(tables.unwrap_err().to_string().contains("runner"), "{kind:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_reference_that_nobody_has_is_an_error() {
+    let error = Input::new(&[scenes()], &Filter::default(), Some("Wide9")).unwrap_err().to_string();
+    assert!(error.contains("\"Wide9\"") && error.contains("Binary, Wide4"), "{error}");
+    let none = Filter { scenes: vec!["x".into()], ..Filter::default() };
+    let error = Input::new(&[scenes(), costs()], &none, None).unwrap_err().to_string();
+    assert!(error.contains("hall_1"), "{error}");
+}
+
+#[test]
+fn values_are_relative_to_a_variant_that_is_not_shown() {
+    let records = [scenes()];
+    let wide = Filter { variants: vec!["Wide4".into()], scenes: vec!["hall*".into()] };
+    let input = Input::new(&records, &wide, None).unwrap();
+    let table = &Kind::Scene.tables(&input).unwrap()[0];
+    let cells: Vec<String> = table.rows[0].cells.iter().map(ToString::to_string).collect();
+    assert_eq!((table.rows.len(), cells[5].as_str()), (1, "250 (1.25)"));
+}
+
+#[test]
+fn labels_are_there_once() {
+    let records = [scenes(), scenes()];
+    let input = Input::new(&records, &Filter::default(), None).unwrap();
+    let text = latex::fragment(&Kind::Scene.tables(&input).unwrap());
+    let mut labels: Vec<&str> = text.lines().filter(|line| line.starts_with("\\label")).collect();
+    labels.sort_unstable();
+    labels.dedup();
+    assert_eq!(labels.len(), 4, "{labels:?}");
+}
