@@ -1,13 +1,12 @@
-//! Tables as LaTeX, with the packages booktabs, xcolor, graphicx and longtable.
+//! Tables as LaTeX, with the packages booktabs, xcolor and graphicx.
 
 use super::{Align, Cell, Column, Emphasis, Row, Table};
 
-/// Tables with more rows than this go over several pages.
+/// A table with more rows than this is broken into parts, each with a page of its own.
 const ROWS_OF_A_PAGE: usize = 40;
 
 /// What a document must load for the tables.
-const PACKAGES: &str =
-    "\\usepackage{booktabs}\n\\usepackage{xcolor}\n\\usepackage{graphicx}\n\\usepackage{longtable}\n";
+const PACKAGES: &str = "\\usepackage{booktabs}\n\\usepackage{xcolor}\n\\usepackage{graphicx}\n";
 
 /// Tables as a part of a document.
 pub fn fragment(tables: &[Table]) -> String {
@@ -45,23 +44,37 @@ fn body(table: &Table, label: &str) -> String {
             Align::Right => 'r',
         })
         .collect();
-    let title = format!("\\caption{{{}}}\n\\label{{tab:{label}}}", caption(table));
     let head = head(table);
-    let rows: String = table.rows.iter().map(row).collect();
-    if table.rows.len() > ROWS_OF_A_PAGE {
-        return format!(
-            "\\begingroup\n\\footnotesize\n\\setlength{{\\LTcapwidth}}{{\\linewidth}}\n\\begin{{longtable}}{{{columns}}}\n{title}\\\\\n\\toprule\n{head}\\midrule\n\
-             \\endfirsthead\n\\toprule\n{head}\\midrule\n\\endhead\n\\bottomrule\n\\endfoot\n{rows}\
-             \\end{{longtable}}\n\\endgroup\n"
-        );
+    let parts = parts(&table.rows).into_iter().enumerate().map(|(at, rows)| {
+        let title = match at {
+            0 => format!("\\caption{{{}}}\n\\label{{tab:{label}}}", caption(table)),
+            _ => format!("Table~\\ref{{tab:{label}}}, continued\\par"),
+        };
+        let rows: String = rows.iter().enumerate().map(|(nth, own)| row(own, nth > 0)).collect();
+        // What is wider than the text is made smaller.
+        format!(
+            "\\begin{{table}}[htbp]\n\\centering\n{title}\n\\medskip\n\\footnotesize\n\
+             \\resizebox{{\\ifdim\\width>\\linewidth\\linewidth\\else\\width\\fi}}{{!}}{{%\n\
+             \\begin{{tabular}}{{{columns}}}\n\\toprule\n{head}\\midrule\n{rows}\\bottomrule\n\\end{{tabular}}}}\n\
+             \\end{{table}}\n"
+        )
+    });
+    parts.collect::<Vec<_>>().join("\n")
+}
+
+/// Rows by page: as many as fit, and where something new begins near the end of a page, that is where it breaks.
+fn parts(rows: &[Row]) -> Vec<&[Row]> {
+    let mut parts = Vec::new();
+    let mut rest = rows;
+    while rest.len() > ROWS_OF_A_PAGE {
+        let near = ROWS_OF_A_PAGE / 2..=ROWS_OF_A_PAGE;
+        let end = near.rev().find(|&at| rest[at].apart).unwrap_or(ROWS_OF_A_PAGE);
+        let (part, after) = rest.split_at(end);
+        parts.push(part);
+        rest = after;
     }
-    // What is wider than the text is made smaller.
-    format!(
-        "\\begin{{table}}[htbp]\n\\centering\n{title}\n\\medskip\n\\footnotesize\n\
-         \\resizebox{{\\ifdim\\width>\\linewidth\\linewidth\\else\\width\\fi}}{{!}}{{%\n\
-         \\begin{{tabular}}{{{columns}}}\n\\toprule\n{head}\\midrule\n{rows}\\bottomrule\n\\end{{tabular}}}}\n\
-         \\end{{table}}\n"
-    )
+    parts.push(rest);
+    parts
 }
 
 fn caption(table: &Table) -> String {
@@ -116,8 +129,8 @@ fn head(table: &Table) -> String {
     text
 }
 
-fn row(row: &Row) -> String {
-    let space = if row.apart { "\\addlinespace\n" } else { "" };
+fn row(row: &Row, follows: bool) -> String {
+    let space = if row.apart && follows { "\\addlinespace\n" } else { "" };
     format!("{space}{} \\\\\n", row.cells.iter().map(cell).collect::<Vec<_>>().join(" & "))
 }
 

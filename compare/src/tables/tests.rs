@@ -126,10 +126,14 @@ fn a_document_stands_alone() {
 #[test]
 fn tables_longer_than_a_page_are_broken() {
     let mut record = record();
-    record.results = (0..41).map(|at| point("a", &format!("Variant {at}"), 1.0, 1.0)).collect();
+    let names = (0..70).map(|at| if at < 30 { format!("A {at}") } else { format!("B {at}") });
+    record.results = names.map(|name| point("a", &name, 1.0, 1.0)).collect();
     let text = written(&[record], Kind::Scene);
-    assert!(text.contains("\\begin{longtable}") && !text.contains("\\begin{table}"), "{text}");
     assert!(text.contains("no point of Binary to be relative to"), "{text}");
+    let parts: Vec<&str> = text.split("\\begin{table}").skip(1).collect();
+    assert_eq!(parts.len(), 2, "{text}");
+    assert!(parts[0].contains("A 29 &") && parts[1].contains("\\midrule\nB 30 &"), "{text}");
+    assert_eq!((text.matches("\\label").count(), text.matches("tab:scene-a}, continued").count()), (1, 1));
 }
 
 #[test]
