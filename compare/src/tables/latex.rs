@@ -53,7 +53,7 @@ fn body(table: &Table, label: &str) -> String {
         let rows: String = rows.iter().enumerate().map(|(nth, own)| row(own, nth > 0)).collect();
         // What is wider than the text is made smaller.
         format!(
-            "\\begin{{table}}[htbp]\n\\centering\n{title}\n\\medskip\n\\footnotesize\n\
+            "\\begin{{table}}[htbp]\n\\centering\n{title}\n\\medskip\n\\footnotesize\n\\setlength{{\\tabcolsep}}{{4pt}}\n\
              \\resizebox{{\\ifdim\\width>\\linewidth\\linewidth\\else\\width\\fi}}{{!}}{{%\n\
              \\begin{{tabular}}{{{columns}}}\n\\toprule\n{head}\\midrule\n{rows}\\bottomrule\n\\end{{tabular}}}}\n\
              \\end{{table}}\n"
