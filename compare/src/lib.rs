@@ -6,8 +6,8 @@
 //! output.
 
 pub mod args;
-pub mod diff;
 pub mod csv;
+pub mod diff;
 pub mod figure;
 pub mod help;
 pub mod load;

@@ -13,6 +13,13 @@ pub const REFERENCE: &str = "Binary";
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Pass(pub BTreeMap<String, String>);
 
+impl Pass {
+    /// The parameters that are not the scene's.
+    fn of_variant(&self) -> impl Iterator<Item = (&String, &String)> {
+        self.0.iter().filter(|(name, _)| !name.starts_with("scene."))
+    }
+}
+
 impl fmt::Display for Pass {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.0.is_empty() {
@@ -158,11 +165,15 @@ impl<'r> Selection<'r> {
     /// The point that another is relative to: of the same scene and of the variant `reference`, of the same pass
     /// if there are several.
     pub fn reference(&self, entry: &Entry, reference: &str) -> Option<&Entry<'r>> {
-        let is = |other: &&Entry| other.scene() == entry.scene() && other.variant() == reference;
+        // Generated scenes of one name may be of different sizes.
+        let same = |other: &Entry| {
+            other.scene() == entry.scene() && other.point.scene.parameters() == entry.point.scene.parameters()
+        };
+        let is = |other: &&Entry| same(other) && other.variant() == reference;
         let found: Vec<_> = self.entries.iter().filter(is).collect();
         match found[..] {
             [one] => Some(one),
-            _ => found.into_iter().find(|other| other.pass == entry.pass),
+            _ => found.into_iter().find(|other| other.pass.of_variant().eq(entry.pass.of_variant())),
         }
     }
 

@@ -5,7 +5,8 @@
 //! scenes is chosen, and among those that are equal to three decimals the one with the largest mean. Where several
 //! axes were crossed, a value is judged by the best that the others can make of it.
 
-use super::{Input, input::Shown};
+use super::Input;
+use super::input::{SCENE, Shown};
 use crate::select::{Entry, in_order, text};
 use record::{Rays, Value};
 use std::collections::BTreeMap;
@@ -63,7 +64,7 @@ pub fn concerned(axis: &str, otherwise: Rays) -> Rays {
 pub fn axes(source: &Shown) -> Vec<String> {
     let named = source.all.record.sweep.as_ref().map(|sweep| &sweep.axes).filter(|axes| !axes.is_empty());
     let varied = in_order(source.entries().map(Entry::variant)).into_iter().flat_map(|v| source.all.axes(v));
-    let varied = in_order(varied);
+    let varied: Vec<String> = in_order(varied).into_iter().filter(|name| !name.starts_with(SCENE)).collect();
     match named {
         // In the sweep's order; one that has a single value is none.
         Some(named) => named.iter().filter(|axis| varied.contains(axis)).cloned().collect(),
@@ -75,10 +76,10 @@ pub fn axes(source: &Shown) -> Vec<String> {
 /// out is remarked.
 pub fn choice(input: &Input, source: &Shown, variant: &str, axis: &str, rays: Rays) -> Option<Choice> {
     // By value and scene, in order of appearance.
-    let mut rates: Vec<(String, Value, BTreeMap<&str, f64>)> = Vec::new();
+    let mut rates: Vec<(String, Value, BTreeMap<String, f64>)> = Vec::new();
     for entry in source.entries().filter(|entry| entry.variant() == variant) {
         let Some(value) = entry.parameters.get(axis) else { continue };
-        let place = rates.iter().position(|(known, ..)| *known == text(value)).unwrap_or_else(|| {
+        let at = rates.iter().position(|(known, ..)| *known == text(value)).unwrap_or_else(|| {
             rates.push((text(value), value.clone(), BTreeMap::new()));
             rates.len() - 1
         });
@@ -86,11 +87,11 @@ pub fn choice(input: &Input, source: &Shown, variant: &str, axis: &str, rays: Ra
         match entry.point.rate(rays).filter(|_| !unreliable) {
             None => input.remark(format!(
                 "{}, {variant}, {axis}={}: left out, because too few samples count",
-                entry.scene(),
-                rates[place].0
+                source.place(entry),
+                rates[at].0
             )),
             Some(rate) => {
-                let best = rates[place].2.entry(entry.scene()).or_insert(rate);
+                let best = rates[at].2.entry(source.place(entry).to_owned()).or_insert(rate);
                 *best = best.max(rate);
             }
         }
@@ -102,7 +103,7 @@ pub fn choice(input: &Input, source: &Shown, variant: &str, axis: &str, rays: Ra
         (Some(a), Some(b)) => a.total_cmp(&b),
         (a, b) => b.is_some().cmp(&a.is_some()),
     });
-    let rates: Vec<(String, BTreeMap<&str, f64>)> =
+    let rates: Vec<(String, BTreeMap<String, f64>)> =
         rates.into_iter().map(|(value, _, of)| (value, of)).collect();
     let (scenes, whole, left_out) = comparable(&rates);
     for what in left_out {
@@ -111,7 +112,7 @@ pub fn choice(input: &Input, source: &Shown, variant: &str, axis: &str, rays: Ra
     let best = best(&rates, &scenes, &whole)?;
     let of_best = &rates[best].1;
     let relative = |at: usize| {
-        let all: Vec<f64> = scenes.iter().map(|scene| rates[at].1[scene] / of_best[scene]).collect();
+        let all: Vec<f64> = scenes.iter().map(|&scene| rates[at].1[scene] / of_best[scene]).collect();
         Relative { minimum: minimum(&all), mean: mean(&all) }
     };
     let values = (rates.iter().enumerate())
@@ -120,7 +121,7 @@ pub fn choice(input: &Input, source: &Shown, variant: &str, axis: &str, rays: Ra
             relative: whole.contains(&at).then(|| relative(at)),
         })
         .collect();
-    let scenes = scenes.into_iter().map(str::to_owned).collect();
+    let scenes = scenes.into_iter().cloned().collect();
     Some(Choice { values, best, scenes })
 }
 
@@ -133,29 +134,30 @@ fn number(value: &Value) -> Option<f64> {
 
 /// The scenes and the places of the values that are compared, and what is left out: scenes that lack a value or,
 /// where that would leave none, values that a scene lacks.
-fn comparable<'s>(rates: &[(String, BTreeMap<&'s str, f64>)]) -> (Vec<&'s str>, Vec<usize>, Vec<String>) {
-    let mut scenes: Vec<&str> = rates.iter().flat_map(|(_, of)| of.keys().copied()).collect();
+fn comparable(rates: &[(String, BTreeMap<String, f64>)]) -> (Vec<&String>, Vec<usize>, Vec<String>) {
+    let mut scenes: Vec<&String> = rates.iter().flat_map(|(_, of)| of.keys()).collect();
     scenes.sort_unstable();
     scenes.dedup();
     let all: Vec<usize> = (0..rates.len()).collect();
-    let (whole, part): (Vec<&str>, Vec<&str>) =
-        scenes.iter().partition(|scene| rates.iter().all(|(_, of)| of.contains_key(*scene)));
+    let (whole, part): (Vec<&String>, Vec<&String>) =
+        scenes.iter().partition(|scene| rates.iter().all(|(_, of)| of.contains_key(**scene)));
     if !whole.is_empty() {
-        return (whole, all, part.into_iter().map(str::to_owned).collect());
+        return (whole, all, part.into_iter().cloned().collect());
     }
     let (kept, dropped): (Vec<usize>, Vec<usize>) =
-        all.into_iter().partition(|&at| scenes.iter().all(|scene| rates[at].1.contains_key(scene)));
+        all.into_iter().partition(|&at| scenes.iter().all(|scene| rates[at].1.contains_key(*scene)));
     (scenes, kept, dropped.into_iter().map(|at| rates[at].0.clone()).collect())
 }
 
 /// The place of the best of those values that are compared; nothing where there are fewer than two, or no scene.
-fn best(rates: &[(String, BTreeMap<&str, f64>)], scenes: &[&str], whole: &[usize]) -> Option<usize> {
+fn best(rates: &[(String, BTreeMap<String, f64>)], scenes: &[&String], whole: &[usize]) -> Option<usize> {
     if scenes.is_empty() || whole.len() < 2 {
         return None;
     }
-    let fastest = |scene: &str| whole.iter().map(|&at| rates[at].1[scene]).fold(f64::MIN_POSITIVE, f64::max);
+    let fastest =
+        |scene: &String| whole.iter().map(|&at| rates[at].1[scene]).fold(f64::MIN_POSITIVE, f64::max);
     let rank = |at: usize| {
-        let relative: Vec<f64> = scenes.iter().map(|scene| rates[at].1[scene] / fastest(scene)).collect();
+        let relative: Vec<f64> = scenes.iter().map(|&scene| rates[at].1[scene] / fastest(scene)).collect();
         ((1e3 * minimum(&relative)).round(), mean(&relative))
     };
     whole.iter().copied().reduce(|best, at| {

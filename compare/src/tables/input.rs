@@ -1,9 +1,9 @@
 //! What tables are made of.
 
-use crate::select::{Entry, Filter, REFERENCE, Selection};
-use record::{Rays, Record};
+use crate::select::{Entry, Filter, REFERENCE, Selection, differing, text};
+use record::{Parameters, Point, Rays, Record};
 use std::cell::RefCell;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Points of some records, and how they are to be looked at.
 #[derive(Debug)]
@@ -24,6 +24,8 @@ pub struct Shown<'r> {
     /// All points: what others are relative to is among them even where it is not shown.
     pub all: Selection<'r>,
     chosen: BTreeSet<usize>,
+    /// The scene of each point, as [`Shown::place`] says it.
+    places: Vec<String>,
 }
 
 impl<'r> Shown<'r> {
@@ -33,7 +35,22 @@ impl<'r> Shown<'r> {
     /// There are none.
     pub fn new(record: &'r Record, filter: &Filter) -> anyhow::Result<Shown<'r>> {
         let chosen = Selection::filtered(record, filter)?.entries.iter().map(|entry| entry.index).collect();
-        Ok(Shown { all: Selection::new(record), chosen })
+        let all = Selection::new(record);
+        let mut varied: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
+        let mut first: BTreeMap<&str, Parameters> = BTreeMap::new();
+        for point in &record.results {
+            let own = point.scene.parameters();
+            let other = first.entry(&point.scene.name).or_insert_with(|| own.clone());
+            varied.entry(&point.scene.name).or_default().extend(differing(other, &own));
+        }
+        let places =
+            record.results.iter().map(|point| named(point, &varied[point.scene.name.as_str()])).collect();
+        Ok(Shown { all, chosen, places })
+    }
+
+    /// The scene of a point and, where the record has several of its name, what its generator was given.
+    pub fn place(&self, entry: &Entry) -> &str {
+        &self.places[entry.index]
     }
 
     /// The points to be shown, in the record's order.
@@ -72,6 +89,18 @@ impl<'r> Input<'r> {
         }
     }
 }
+
+/// A scene with those of its generator's parameters that are to be told.
+fn named(point: &Point, told: &BTreeSet<String>) -> String {
+    let own = point.scene.parameters();
+    let given = told.iter().filter_map(|name| Some((name.strip_prefix(SCENE)?, text(own.get(name)?))));
+    let given: Vec<String> = given.map(|(name, value)| format!("{name}={value}")).collect();
+    let name = &point.scene.name;
+    if given.is_empty() { name.clone() } else { format!("{name} ({})", given.join(", ")) }
+}
+
+/// What parameters of a scene's generator begin with.
+pub const SCENE: &str = "scene.";
 
 /// Makes sure that a variant which others are to be relative to is there.
 ///

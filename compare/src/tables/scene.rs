@@ -1,6 +1,6 @@
 //! A table for each scene, with every variant: tables 13 to 17 of the thesis.
 
-use super::input::Shown;
+use super::input::{SCENE, Shown};
 use super::{Cell, Column, Content, Emphasis, Input, Row, Table};
 use crate::figure::{Better, Figure};
 use crate::select::{Entry, in_order};
@@ -34,7 +34,7 @@ const KINDS: [Kind; 8] = [
 pub fn tables(input: &Input) -> anyhow::Result<Vec<Table>> {
     let mut tables = Vec::new();
     for source in &input.sources {
-        for scene in in_order(source.entries().map(Entry::scene)) {
+        for scene in in_order(source.entries().map(|entry| source.place(entry))) {
             tables.push(table(input, source, scene));
         }
     }
@@ -42,7 +42,7 @@ pub fn tables(input: &Input) -> anyhow::Result<Vec<Table>> {
 }
 
 fn table(input: &Input, source: &Shown, scene: &str) -> Table {
-    let entries: Vec<&Entry> = source.entries().filter(|entry| entry.scene() == scene).collect();
+    let entries: Vec<&Entry> = source.entries().filter(|entry| source.place(entry) == scene).collect();
     if entries.iter().all(|entry| source.all.reference(entry, &input.reference).is_none()) {
         input.remark(format!(
             "{scene}: no point of {} to be relative to; `--relative-to VARIANT` takes another",
@@ -51,8 +51,12 @@ fn table(input: &Input, source: &Shown, scene: &str) -> Table {
     }
     let columns: Vec<Vec<Cell>> =
         KINDS.iter().map(|kind| column(kind, &entries, source, &input.reference)).collect();
-    let several = entries.iter().any(|entry| !entry.pass.0.is_empty());
-    let pass = |entry: &Entry| if several { format!(" ({})", entry.pass) } else { String::new() };
+    // What the scene was given stands in the head.
+    let pass = |entry: &Entry| {
+        let own = entry.pass.0.iter().filter(|(name, _)| !name.starts_with(SCENE));
+        let own: Vec<String> = own.map(|(name, value)| format!("{name}={value}")).collect();
+        if own.is_empty() { String::new() } else { format!(" ({})", own.join(", ")) }
+    };
     let rows = entries.iter().enumerate().map(|(at, entry)| {
         let name = Cell::text(format!("{}{}", entry.variant(), pass(entry)));
         let cells = std::iter::once(name).chain(columns.iter().map(|column| column[at].clone()));

@@ -19,9 +19,7 @@ pub fn tables(input: &Input) -> anyhow::Result<Vec<Table>> {
         .filter(|entry| is(entry, "single"))
         .filter_map(|single| {
             let others = entries.iter().filter(|other| {
-                is(other, "separate")
-                    && other.scene() == single.scene()
-                    && other.variant() == single.variant()
+                is(other, "separate") && same(other, single) && other.variant() == single.variant()
             });
             // Of several, that with the most parameters in common.
             let differences = |other: &Entry| unlike(single, other).len();
@@ -50,18 +48,27 @@ pub fn tables(input: &Input) -> anyhow::Result<Vec<Table>> {
         let cells = [Rays::Primary, Rays::Secondary].map(|rays| Cell::number(own(rays), 2));
         Row::new(std::iter::once(Cell::text(variant)).chain(cells).collect())
     });
+    let scenes = input.sources.iter().flat_map(|source| {
+        let paired = |entry: &&Entry| pairs.iter().any(|(single, _)| std::ptr::eq(*single, *entry));
+        source.entries().filter(paired).map(|entry| source.place(entry))
+    });
     Ok(vec![Table {
         name: "single-kernel".to_owned(),
         caption: format!(
             "Rates of separate kernels relative to a single kernel for all stages, on {}: the mean over the scenes \
              ({}). Above 1, separate kernels are faster.",
             devices.join(" and "),
-            in_order(pairs.iter().map(|(single, _)| single.scene())).join(", ")
+            in_order(scenes).join(", ")
         ),
         legend: Vec::new(),
         rows: rows.collect(),
         columns: vec![Column::words(""), Column::numbers("Primary rays"), Column::numbers("Secondary rays")],
     }])
+}
+
+/// Whether two points are of one scene, of generated ones also of one size.
+fn same(a: &Entry, b: &Entry) -> bool {
+    a.scene() == b.scene() && a.point.scene.parameters() == b.point.scene.parameters()
 }
 
 /// Parameters in which two points differ, but for the one that is compared.

@@ -169,6 +169,37 @@ fn values_are_relative_to_a_variant_that_is_not_shown() {
     assert_eq!((table.rows.len(), cells[5].as_str()), (1, "250 (1.25)"));
 }
 
+/// A generated scene of two sizes is two scenes.
+#[test]
+fn scenes_of_one_name_and_two_sizes_are_told_apart() {
+    let mut record = record();
+    record.results.clear();
+    for (triangles, factor) in [(10u32, 1.0), (1000, 0.5)] {
+        for (variant, rate) in [("Binary", 100.0), ("Wide4", 120.0)] {
+            for (size, loss) in [(2u32, 1.0), (8, 0.9)] {
+                let mut point = point("city", variant, rate * factor * loss, rate * factor * loss);
+                let mut parameters = record::Parameters::default();
+                parameters.set("triangles", triangles);
+                point.scene.source =
+                    record::Source::Generator { name: "city".into(), parameters, sha256: None };
+                record.results.push(with(point, "trace.primary_subgroups", size));
+            }
+        }
+    }
+    // No Binary of the larger one to be relative to.
+    record.results.drain(4..6);
+    let records = [record];
+    let input = Input::new(&records, &Filter::default(), None).unwrap();
+    let tables = Kind::Scene.tables(&input).unwrap();
+    let heads: Vec<&str> = tables.iter().map(|table| table.columns[0].head[0].as_str()).collect();
+    assert_eq!(heads, ["city (triangles=10)", "city (triangles=1000)"]);
+    let cell = |table: usize, row: usize| tables[table].rows[row].cells[5].to_string();
+    assert_eq!([cell(0, 2), cell(0, 3), cell(1, 0)], ["120 (1.20)", "108 (1.20)", "60"]);
+    assert_eq!(tables[0].rows[3].cells[0].to_string(), "Wide4 (trace.primary_subgroups=8)");
+    let best = &Kind::Best.tables(&input).unwrap()[0];
+    assert_eq!(best.rows.len(), 2);
+}
+
 #[test]
 fn labels_are_there_once() {
     let records = [scenes(), scenes()];
