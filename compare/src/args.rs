@@ -29,6 +29,7 @@ Examples:
   compare csv record.json --relative-to Binary > record.csv
   compare latex record.json --table scene --scene 'bistro*' --standalone > tables.tex
   compare markdown sweep.json --table workgroup
+  compare plot record.json -o out/plots --only overall --only scenes
   compare completions bash > ~/.local/share/bash-completion/completions/compare
   compare man | man -l -";
 
@@ -43,6 +44,8 @@ pub enum Command {
     Latex(crate::tables::command::LatexArguments),
     /// Write tables as Markdown.
     Markdown(crate::tables::command::Arguments),
+    /// Draw what is in records: variants against each other, sweeps, builds, samples.
+    Plot(crate::plot::Arguments),
     /// Print a script that completes this command line in a shell.
     Completions {
         /// The shell.

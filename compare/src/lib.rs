@@ -12,6 +12,7 @@ pub mod figure;
 pub mod help;
 pub mod load;
 pub mod output;
+pub mod plot;
 pub mod select;
 pub mod stats;
 pub mod tables;
@@ -51,6 +52,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<Exit> {
         Command::Latex(arguments) => tables::command::latex(arguments),
         Command::Markdown(arguments) => tables::command::markdown(arguments),
         Command::Completions { shell } => help::completions(*shell),
+        Command::Plot(arguments) => plot::run(arguments),
         Command::Man { command } => help::man(command.as_deref()),
     }
 }

@@ -1,0 +1,70 @@
+//! What stands below a picture, and what is said about those that cannot be drawn.
+
+use super::chart::{Bars, Body, Chart};
+use crate::select::Selection;
+
+/// The charts of one kind that a record has, and why others are left out.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Found {
+    /// The charts.
+    pub charts: Vec<Chart>,
+    /// What is left out, and why.
+    pub remarks: Vec<String>,
+}
+
+impl Found {
+    /// No chart, and why.
+    pub fn nothing(reason: impl Into<String>) -> Found {
+        Found { charts: Vec::new(), remarks: vec![reason.into()] }
+    }
+
+    /// A chart of bars, if it has panels.
+    pub fn bars(chart: Chart) -> Found {
+        match &chart.body {
+            Body::Bars(panels) if panels.is_empty() => {
+                Found::nothing(format!("nothing is known of what {:?} would show", chart.title))
+            }
+            _ => Found { charts: vec![chart], remarks: Vec::new() },
+        }
+    }
+
+    /// Adds others.
+    pub fn add(&mut self, other: Found) {
+        self.charts.extend(other.charts);
+        self.remarks.extend(other.remarks);
+    }
+}
+
+/// Why nothing can be relative to a variant.
+pub fn no_reference(selection: &Selection, reference: &str) -> Option<String> {
+    match selection.passes(reference).len() {
+        0 => Some(format!("there is no variant {reference:?} to compare with; --reference names another")),
+        1 => None,
+        count => {
+            Some(format!("{reference} was measured with {count} sets of parameters, so it is no reference"))
+        }
+    }
+}
+
+/// The device, as far as a picture needs it.
+pub fn device(selection: &Selection) -> String {
+    let device = &selection.record.device;
+    format!("{}, driver {}.", device.name, device.driver.version)
+}
+
+/// What the last group of several scenes is.
+pub fn mean(selection: &Selection) -> &'static str {
+    if selection.scenes().len() > 1 { "; mean: geometric mean over the scenes" } else { "" }
+}
+
+/// What error bars are, or why there are none.
+pub fn error_bars(panels: &[Bars]) -> &'static str {
+    let mut bars =
+        panels.iter().flat_map(|panel| &panel.groups).flat_map(|group| group.bars.iter().flatten());
+    let rates = panels.iter().any(|panel| panel.axis.contains("MRps"));
+    match (bars.any(|bar| bar.interval.is_some()), rates) {
+        (true, _) => "Error bars: 95% confidence intervals of rates.",
+        (false, true) => "No error bars: the record has too few samples.",
+        (false, false) => "",
+    }
+}
