@@ -37,9 +37,14 @@ pub fn arities(variants: &[&str]) -> Vec<String> {
     in_order(variants.iter().map(|variant| arity(variant).to_owned()))
 }
 
-/// The flavours of some variants, in order.
+/// The flavours of some variants, in the order of the arity that has most of them.
 pub fn flavours(variants: &[&str]) -> Vec<String> {
-    in_order(variants.iter().map(|variant| flavour(variant)))
+    let of = |name: &String| -> Vec<String> {
+        in_order(variants.iter().filter(|variant| arity(variant) == name).map(|variant| flavour(variant)))
+    };
+    let mut most: Vec<Vec<String>> = arities(variants).iter().map(of).collect();
+    most.sort_by_key(|flavours| std::cmp::Reverse(flavours.len()));
+    in_order(most.into_iter().flatten())
 }
 
 /// The look of an arity; the number is its place among those that have no look of their own.

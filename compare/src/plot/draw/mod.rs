@@ -51,7 +51,7 @@ pub fn draw(chart: &Chart) -> Sketch {
     let mut y = MARGIN + TITLE / 2.0;
     let lines = sketch.paragraph((MARGIN, y), &chart.title, width, TITLE, Tone::Ink);
     y += lines as f64 * TITLE * 1.3;
-    y = legend::draw(&mut sketch, &chart.series, &chart.body, MARGIN, y, width) + GAP / 2.0;
+    y = legend::draw(&mut sketch, &chart.series, &chart.body, MARGIN, y, width) + GAP;
     y = match &chart.body {
         Body::Bars(panels) => bars::draw(&mut sketch, panels, &chart.series, y),
         Body::Stacks(panels) => stacks::draw(&mut sketch, panels, &chart.series, y),
