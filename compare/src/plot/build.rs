@@ -2,7 +2,7 @@
 
 use super::chart::{Body, Chart, Row, Series, Stacks};
 use super::notes::{self, Found};
-use super::ratios::{only, settled};
+use super::ratios::{only, settled, total};
 use super::theme::{Dash, Hatch, Look, Marker, Tone};
 use crate::figure::Figure;
 use crate::select::{Selection, in_order};
@@ -16,30 +16,38 @@ const BETWEEN: &str = "between phases";
 /// Below this share of a build nobody would see it.
 const VISIBLE: f64 = 0.002;
 
+/// A variant, its phases and the interval of their sum, in milliseconds.
+type Built = (String, Vec<(String, f64)>, Option<[f64; 2]>);
+
 /// One chart, with a panel a scene.
 pub fn charts(selection: &Selection) -> Found {
     let scenes = selection.scenes();
     let variants = settled(selection);
     let point = |scene: &str, variant: &str| only(selection, scene, variant).map(|entry| entry.point);
-    let found: Vec<Vec<(&str, Vec<(String, f64)>)>> = scenes
+    let found: Vec<Vec<Built>> = scenes
         .iter()
         .map(|scene| {
-            variants.iter().filter_map(|variant| Some((*variant, parts(point(scene, variant)?)?))).collect()
+            let built = |variant: &&'_ str| {
+                let point = point(scene, variant)?;
+                Some(((*variant).to_owned(), parts(point)?, total(point)?.interval))
+            };
+            variants.iter().filter_map(built).collect()
         })
         .collect();
-    let names =
-        in_order(found.iter().flatten().flat_map(|(_, parts)| parts.iter().map(|(name, _)| name.as_str())));
+    let names = in_order(
+        found.iter().flatten().flat_map(|(_, parts, _)| parts.iter().map(|(name, _)| name.as_str())),
+    );
     if names.is_empty() {
         return Found::nothing("no variant has one set of parameters and the time of its build");
     }
     let names = ordered(names);
-    let row = |(variant, parts): &(&str, Vec<(String, f64)>)| Row {
-        label: (*variant).to_owned(),
+    let row = |(variant, parts, interval): &Built| Row {
+        label: variant.clone(),
         parts: names
             .iter()
             .map(|name| parts.iter().find(|(other, _)| other == name).map(|(_, milliseconds)| *milliseconds))
             .collect(),
-        interval: None,
+        interval: *interval,
     };
     let panels = scenes.iter().zip(&found).filter(|(_, rows)| !rows.is_empty()).map(|(scene, rows)| Stacks {
         title: (*scene).to_owned(),
@@ -49,7 +57,12 @@ pub fn charts(selection: &Selection) -> Found {
     let panels: Vec<Stacks> = panels.collect();
     let note = format!(
         "Medians over the repetitions of a build. A variant that goes by view is built twice, with sample rays \
-         between; same phases of both builds are added, and views averaged. {}",
+         between; same phases of both builds are added, and views averaged. {}{}",
+        if panels.iter().flat_map(|panel| &panel.rows).any(|row| row.interval.is_some()) {
+            "Error bars: 95% confidence intervals of the whole. "
+        } else {
+            ""
+        },
         notes::device(selection)
     );
     let series = names

@@ -118,8 +118,8 @@ pub struct Axis {
     pub scale: Scale,
     /// Where the ticks are; anywhere if there are none.
     pub ticks: Vec<f64>,
-    /// A value that must be on it, whatever the data.
-    pub includes: Option<f64>,
+    /// Values that must be on it, whatever the data.
+    pub includes: Vec<f64>,
 }
 
 /// How places follow from values.

@@ -3,9 +3,8 @@
 use super::chart::{Axis, Body, Chart, Curve, Place, Plane, Scale, Value, slug};
 use super::names::{flavour, flavours};
 use super::notes::{self, Found};
-use super::ratios::settled;
+use super::ratios::{settled, total};
 use super::scenes::series_of_arities;
-use crate::figure::Figure;
 use crate::select::{Entry, Selection};
 use record::Rays;
 
@@ -37,7 +36,7 @@ fn chart(selection: &Selection, of: &str, variants: &[&str], reference: &str) ->
         title: title.to_owned(),
         scale: Scale::Logarithmic,
         ticks: Vec::new(),
-        includes: None,
+        includes: Vec::new(),
     };
     let panels = [
         ("Build, with sample rays", "device time (ms)", build as fn(&Entry) -> Option<Value>),
@@ -68,8 +67,7 @@ fn chart(selection: &Selection, of: &str, variants: &[&str], reference: &str) ->
     let interval =
         |plane: &Plane| plane.curves.iter().flat_map(|c| &c.places).any(|place| place.y.interval.is_some());
     let panels: Vec<Plane> = panels.collect();
-    let bars =
-        if panels.iter().any(interval) { "Error bars: 95% confidence intervals of rates. " } else { "" };
+    let bars = if panels.iter().any(interval) { "Error bars: 95% confidence intervals. " } else { "" };
     let scenes = selection.scenes().join(", ");
     let with = if flavour(reference) == *of || !variants.contains(&reference) {
         String::new()
@@ -100,7 +98,7 @@ fn places(selection: &Selection, variant: &str, cost: fn(&Entry) -> Option<Value
 }
 
 fn build(entry: &Entry) -> Option<Value> {
-    Figure::Total.of(entry.point).map(Value::bare)
+    total(entry.point)
 }
 
 /// Nanoseconds: a thousand over million rays a second. The ends of the interval are those of the rate's.

@@ -154,6 +154,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
     let records: Vec<Record> = arguments.records.iter().map(load).collect::<Result<_, _>>()?;
     let joined = join::join(&records)?;
     let selection = Selection::filtered(&joined, &arguments.filter)?;
+    let several: Vec<&str> =
+        selection.variants().into_iter().filter(|variant| selection.passes(variant).len() > 1).collect();
+    if !several.is_empty() {
+        say(format_args!(
+            "only in sweep, because measured with several sets of parameters: {}",
+            several.join(", ")
+        ));
+    }
     let kinds = if arguments.only.is_empty() { &Kind::ALL[..] } else { &arguments.only };
     let mut charts = Vec::new();
     for &kind in kinds {

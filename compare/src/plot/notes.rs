@@ -49,7 +49,9 @@ pub fn no_reference(selection: &Selection, reference: &str) -> Option<String> {
 /// The device, as far as a picture needs it.
 pub fn device(selection: &Selection) -> String {
     let device = &selection.record.device;
-    format!("{}, driver {}.", device.name, device.driver.version)
+    // As the vendor writes it, where Vulkan has nothing but a number.
+    let driver = if device.driver.info.is_empty() { &device.driver.version } else { &device.driver.info };
+    format!("{}, driver {driver}.", device.name)
 }
 
 /// What the last group of several scenes is.
@@ -61,10 +63,9 @@ pub fn mean(selection: &Selection) -> &'static str {
 pub fn error_bars(panels: &[Bars]) -> &'static str {
     let mut bars =
         panels.iter().flat_map(|panel| &panel.groups).flat_map(|group| group.bars.iter().flatten());
-    let rates = panels.iter().any(|panel| panel.axis.contains("MRps"));
-    match (bars.any(|bar| bar.interval.is_some()), rates) {
-        (true, _) => "Error bars: 95% confidence intervals of rates.",
-        (false, true) => "No error bars: the record has too few samples.",
-        (false, false) => "",
+    if bars.any(|bar| bar.interval.is_some()) {
+        "Error bars: 95% confidence intervals of rates and times."
+    } else {
+        "No error bars: the record has too few samples."
     }
 }

@@ -4,7 +4,7 @@ use super::chart::Value;
 use crate::figure::Figure;
 use crate::select::{Entry, Selection, geometric_mean, ratio};
 use crate::stats::{Cell, Group, Middle, Random, intervals};
-use record::{Point, Rays, View};
+use record::{Build, Point, Rays, View};
 
 /// An old point and a new one.
 pub type Pair<'r> = [&'r Point; 2];
@@ -25,7 +25,7 @@ pub fn ratios(pairs: &[Option<Pair>], figure: Figure) -> Ratios {
         .map(|pair| pair.and_then(|[old, new]| ratio(figure.of(new)?, figure.of(old)?)))
         .collect();
     let cells: Vec<Option<Cell>> =
-        pairs.iter().map(|pair| pair.and_then(|[old, new]| cell(old, new, rays(figure)?))).collect();
+        pairs.iter().map(|pair| pair.and_then(|[old, new]| cell(old, new, figure))).collect();
     let known: Vec<Cell> = cells.iter().flatten().cloned().collect();
     // The same pictures from the same record, whenever they are drawn.
     let (found, of_mean) = intervals(&known, &mut Random::named("plot"));
@@ -44,16 +44,45 @@ pub fn ratios(pairs: &[Option<Pair>], figure: Figure) -> Ratios {
     Ratios { each, mean }
 }
 
-fn rays(figure: Figure) -> Option<Rays> {
+/// The milliseconds until a picture's first ray, with how sure they are.
+pub fn total(point: &Point) -> Option<Value> {
+    let mut groups = builds(point, |weight, new| Group { weight, old: vec![0.0; 2], new });
+    groups.first_mut()?.old = vec![1.0; 2];
+    // The ratio to a millisecond.
+    let cell = [Cell { middle: Middle::Median, groups }];
+    let interval = intervals(&cell, &mut Random::named("plot")).1;
+    Some(Value { value: Figure::Total.of(point)?, interval: interval.map(|i| [i.low, i.high]) })
+}
+
+fn cell(old: &Point, new: &Point, figure: Figure) -> Option<Cell> {
     match figure {
-        Figure::Primary => Some(Rays::Primary),
-        Figure::Secondary => Some(Rays::Secondary),
+        Figure::Primary => rates(old, new, Rays::Primary),
+        Figure::Secondary => rates(old, new, Rays::Secondary),
+        // What one side has and the other has not, such as sampling, is 0 there: a figure is the sum.
+        Figure::Total => {
+            let mut groups = builds(old, |weight, old| Group { weight, old, new: vec![0.0; 2] });
+            groups.extend(builds(new, |weight, new| Group { weight, old: vec![0.0; 2], new }));
+            Some(Cell { middle: Middle::Median, groups })
+        }
         _ => None,
     }
 }
 
+/// The times of all builds of a point and of its sampling, as groups.
+fn builds(point: &Point, group: impl Fn(f64, Vec<f64>) -> Group) -> Vec<Group> {
+    let times = |build: &Build| build.repetitions.iter().map(|repetition| repetition.milliseconds).collect();
+    let adaptations: Vec<_> = point.views.iter().filter_map(|view| view.adaptation.as_ref()).collect();
+    let share = 1.0 / adaptations.len().max(1) as f64;
+    let mut groups = vec![group(1.0, times(&point.build))];
+    for adaptation in adaptations {
+        groups.push(group(share, times(&adaptation.build)));
+        groups.push(group(share, adaptation.sampling_milliseconds.clone()));
+    }
+    groups
+}
+
 /// The rates of two points by view; nothing where they have different views, or a view has no such rays.
-fn cell(old: &Point, new: &Point, rays: Rays) -> Option<Cell> {
+fn rates(old: &Point, new: &Point, rays: Rays) -> Option<Cell> {
     let weight = 1.0 / old.views.len() as f64;
     let group = |view: &View| {
         let same = new.views.iter().find(|other| other.name == view.name)?;

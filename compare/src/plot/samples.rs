@@ -58,6 +58,13 @@ fn chart(selection: &Selection, name: String, title: String, panels: Vec<Plane>)
     let used: Vec<usize> = (0..all.len())
         .filter(|number| panels.iter().flat_map(|panel| &panel.curves).any(|curve| curve.series == *number))
         .collect();
+    // One range of rates for all panels, so that they can be compared.
+    let rates = panels.iter().flat_map(|panel| &panel.curves).filter(|curve| !curve.right);
+    let rates: Vec<f64> = rates.flat_map(|curve| &curve.places).map(|place| place.y.value).collect();
+    let ends = [rates.iter().copied().fold(100.0, f64::min), rates.iter().copied().fold(100.0, f64::max)];
+    for panel in &mut panels {
+        panel.y.includes.extend(ends);
+    }
     for curve in panels.iter_mut().flat_map(|panel| &mut panel.curves) {
         curve.series = used.iter().position(|number| *number == curve.series).unwrap_or(0);
     }
@@ -114,20 +121,31 @@ fn panel(title: &str, points: &[&Point]) -> Option<Plane> {
     }
     let clock = clock(&views);
     let right = (!clock.is_empty()).then(|| {
+        // A steady clock is at the top, out of the way of the rates.
+        let most = clock.iter().map(|place| place.y.value).fold(0.0, f64::max);
         curves.insert(0, Curve { series: CLOCK, right: true, places: clock, band: Vec::new() });
-        axis("clock (MHz)", None)
+        axis("clock (MHz)", [0.75 * most, most])
     });
-    Some(Plane {
-        title: title.to_owned(),
-        x: axis("sample", Some(1.0)),
-        y: axis("rate (% of view's mean)", Some(100.0)),
-        right,
-        curves,
-    })
+    let mut x = axis("sample (marked: the first of a view)", [1.0]);
+    x.ticks = firsts(&views);
+    Some(Plane { title: title.to_owned(), x, y: axis("rate (% of view's mean)", [100.0]), right, curves })
 }
 
-fn axis(title: &str, includes: Option<f64>) -> Axis {
-    Axis { title: title.to_owned(), scale: Scale::Linear, ticks: Vec::new(), includes }
+fn axis(title: &str, includes: impl Into<Vec<f64>>) -> Axis {
+    Axis { title: title.to_owned(), scale: Scale::Linear, ticks: Vec::new(), includes: includes.into() }
+}
+
+/// The number of each view's first sample.
+fn firsts(views: &[&View]) -> Vec<f64> {
+    let mut next = 1;
+    views
+        .iter()
+        .map(|view| {
+            let first = next;
+            next += view.samples.len();
+            first as f64
+        })
+        .collect()
 }
 
 /// All samples with their numbers, from 1.

@@ -106,22 +106,22 @@ fn chart(selection: &Selection, varied: &Varied) -> Result<Chart, String> {
             Some(Plane {
                 title: title.to_owned(),
                 x: Axis {
-                    title: known.title.clone(),
+                    title: known.axis.clone(),
                     scale: scale(&values),
                     ticks: values.clone(),
-                    includes: None,
+                    includes: Vec::new(),
                 },
                 y: Axis {
                     title: "MRps, relative".into(),
                     scale: Scale::Linear,
                     ticks: Vec::new(),
-                    includes: Some(1.0),
+                    includes: vec![1.0],
                 },
                 right: (sampling.len() > 1).then(|| Axis {
                     title: "time of sampling (%)".into(),
-                    scale: scale(&sampling.iter().map(|place| place.y.value).collect::<Vec<_>>()),
+                    scale: spread(&sampling),
                     ticks: Vec::new(),
-                    includes: None,
+                    includes: vec![0.0; usize::from(spread(&sampling) == Scale::Linear)],
                 }),
                 curves,
             })
@@ -145,8 +145,8 @@ fn finished(
     let variants = in_order(lines.iter().map(|line| line.variant.as_str()));
     let scenes = in_order(lines.iter().map(|line| line.scene.as_str()));
     let all = [
-        ("mean, and from the least to the greatest variant", look(Tone::Blue, Marker::Disc, Dash::Solid)),
-        ("the same variants by area", look(Tone::Ink, Marker::Nothing, Dash::Dashed)),
+        ("mean; band: from the least to the greatest variant", look(Tone::Blue, Marker::Disc, Dash::Solid)),
+        ("the same variants without CBTC", look(Tone::Ink, Marker::Nothing, Dash::Dashed)),
         ("time of sampling (right axis)", look(Tone::Vermilion, Marker::Square, Dash::Dotted)),
     ];
     let used: Vec<usize> = (0..all.len())
@@ -174,7 +174,7 @@ fn finished(
     );
     Chart {
         name: format!("sweep-{}", slug(&varied.name)),
-        title: format!("{} and the rate of rays", known.title),
+        title: format!("{} and the rates of rays", known.title),
         note,
         series: used
             .iter()
@@ -188,20 +188,24 @@ fn finished(
 #[derive(Clone, Debug, PartialEq)]
 struct Known {
     title: String,
+    /// The same with its unit.
+    axis: String,
     /// Whether the greatest value is the one that the others are relative to: with it most rays are sampled.
     greatest: bool,
 }
 
 impl Known {
     fn of(name: &str) -> Known {
-        let (title, greatest) = match name {
-            "cbtc.threshold" => ("Visits from which on they decide", false),
-            "cbtc.depth-limit" => ("Bounces of sample rays", true),
-            "cbtc.subsampling" => ("Pixels per sample ray", false),
-            "collapse.c_t" => ("Cost of a traversal step", false),
-            _ => (name, false),
+        let (title, unit, greatest) = match name {
+            "cbtc.threshold" => ("CBTC threshold", "visits of a node", false),
+            "cbtc.depth-limit" => ("Depth limit of sample rays", "bounces", true),
+            "cbtc.subsampling" => ("Subsampling of sample rays", "pixels per ray", false),
+            "collapse.c_t" => ("Traversal cost", "c_t", false),
+            "trace.primary_subgroups" | "trace.secondary_subgroups" => ("Workgroup size", "subgroups", false),
+            _ => (name, "", false),
         };
-        Known { title: title.into(), greatest }
+        let axis = if unit.is_empty() { title.to_owned() } else { format!("{title} ({unit})") };
+        Known { title: title.into(), axis, greatest }
     }
 }
 
@@ -215,6 +219,10 @@ fn scale(values: &[f64]) -> Scale {
     } else {
         Scale::Linear
     }
+}
+
+fn spread(places: &[Place]) -> Scale {
+    scale(&places.iter().map(|place| place.y.value).collect::<Vec<_>>())
 }
 
 /// All lines of a parameter.

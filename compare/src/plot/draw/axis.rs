@@ -18,7 +18,7 @@ impl Range {
     /// The part of a linear axis that has these values, with about so many ticks and ends on ticks.
     pub fn linear(values: impl IntoIterator<Item = f64>, count: usize) -> Range {
         Range::new(
-            &Axis { title: String::new(), scale: Scale::Linear, ticks: Vec::new(), includes: None },
+            &Axis { title: String::new(), scale: Scale::Linear, ticks: Vec::new(), includes: Vec::new() },
             values,
             count,
             true,
@@ -28,7 +28,7 @@ impl Range {
     /// The part of an axis that has these values; `whole` if it is to end on ticks.
     pub fn new(axis: &Axis, values: impl IntoIterator<Item = f64>, count: usize, whole: bool) -> Range {
         let mut values: Vec<f64> =
-            values.into_iter().chain(axis.includes).filter(|v| v.is_finite()).collect();
+            values.into_iter().chain(axis.includes.iter().copied()).filter(|v| v.is_finite()).collect();
         values.sort_by(f64::total_cmp);
         match axis.scale {
             Scale::Linear => linear(&values, &axis.ticks, count, whole),
@@ -51,11 +51,14 @@ impl Range {
 fn linear(values: &[f64], ticks: &[f64], count: usize, whole: bool) -> Range {
     let (mut from, mut to) = match values {
         [] => (0.0, 1.0),
-        [only] => (only - 0.5, only + 0.5),
+        [only] => (*only, *only),
         [first, .., last] => (*first, *last),
     };
-    if to - from <= from.abs().max(to.abs()) * 1e-9 {
-        (from, to) = (from - 0.5, to + 0.5);
+    let size = from.abs().max(to.abs());
+    if to - from <= size * 1e-9 {
+        // Values that are all the same are in the middle, and what little they differ is not blown up.
+        let around = if size > 0.0 { size * 0.02 } else { 0.5 };
+        (from, to) = (from - around, to + around);
     }
     let step = step(to - from, count);
     if whole {
@@ -63,9 +66,7 @@ fn linear(values: &[f64], ticks: &[f64], count: usize, whole: bool) -> Range {
         to = (to / step - 1e-9).ceil() * step;
     }
     let ticks = if ticks.is_empty() {
-        let first = (from / step - 1e-9).ceil() as i64;
-        let last = (to / step + 1e-9).floor() as i64;
-        (first..=last).map(|n| n as f64 * step).map(|tick| (tick, written(tick, step))).collect()
+        steps(from, to, step).into_iter().map(|tick| (tick, written(tick, step))).collect()
     } else {
         ticks.iter().map(|&tick| (tick, short(tick))).collect()
     };
@@ -90,16 +91,24 @@ fn logarithmic(values: &[f64], ticks: &[f64]) -> Range {
             let all = decades.clone().flat_map(|decade| factors.iter().map(move |f| f * 10f64.powi(decade)));
             all.filter(inside).collect()
         };
-        let found = [&[1.0][..], &[1.0, 3.0], &[1.0, 2.0, 5.0], &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]]
+        let found = [&[1.0][..], &[1.0, 3.0], &[1.0, 2.0, 5.0], &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0]]
             .map(at)
             .into_iter()
             .find(|ticks| ticks.len() >= 4);
-        found.unwrap_or_else(|| vec![least, most])
+        // Where hardly a decade is to be seen, steps are as good as factors.
+        found.unwrap_or_else(|| steps(least, most, step(most - least, 4)))
     } else {
         ticks.to_vec()
     };
     let ticks = ticks.into_iter().map(|tick| (tick, short(tick))).collect();
     Range { scale: Scale::Logarithmic, ends: [from, most.ln()], zero, ticks }
+}
+
+/// The multiples of a step from one value to another.
+fn steps(from: f64, to: f64, step: f64) -> Vec<f64> {
+    let first = (from / step - 1e-9).ceil() as i64;
+    let last = (to / step + 1e-9).floor() as i64;
+    (first..=last).map(|n| n as f64 * step).collect()
 }
 
 /// 1, 2 or 5 with zeros: about so many of them are in the span.
@@ -153,7 +162,7 @@ mod tests {
     }
 
     fn axis(scale: Scale, ticks: &[f64]) -> Axis {
-        Axis { title: String::new(), scale, ticks: ticks.to_vec(), includes: None }
+        Axis { title: String::new(), scale, ticks: ticks.to_vec(), includes: Vec::new() }
     }
 
     #[test]

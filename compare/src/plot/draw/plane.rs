@@ -5,13 +5,16 @@ use super::font;
 use super::sketch::{Anchor, Sketch};
 use super::{Area, MARGIN};
 use crate::plot::chart::{Axis, Curve, Plane, Series};
-use crate::plot::theme::{GAP, LABEL, SMALL, Tone, WIDTH};
+use crate::plot::theme::{Dash, GAP, LABEL, SMALL, Tone, WIDTH};
 
 /// Room for an axis beside a panel.
 const AXIS: f64 = 46.0;
 
 /// How much a band hides of what is below it.
 const COVER: f64 = 0.22;
+
+/// A curve with more places than this is a thin line without markers.
+const MANY: usize = 60;
 
 /// Draws the panels from `top` on, and tells where they end.
 pub fn draw(sketch: &mut Sketch, panels: &[Plane], series: &[Series], top: f64) -> f64 {
@@ -66,23 +69,7 @@ fn panel_in(sketch: &mut Sketch, panel: &Plane, series: &[Series], area: Area) -
         sketch.line([(plot.left, at), (plot.right, at)], Tone::Grid, 0.6);
         sketch.text((plot.left - 4.0, at), Anchor::End, text.clone(), SMALL, Tone::Ink);
     }
-    let mut free = f64::NEG_INFINITY;
-    for (tick, text) in &x.ticks {
-        let at = inner.across(x.share(*tick));
-        sketch.line([(at, plot.bottom), (at, plot.bottom + 3.0)], Tone::Ink, 0.6);
-        let half = font::width(text, SMALL) / 2.0;
-        // A tick whose number would touch its neighbour's has none.
-        if at - half > free {
-            sketch.text(
-                (at, plot.bottom + 4.0 + SMALL / 2.0),
-                Anchor::Middle,
-                text.clone(),
-                SMALL,
-                Tone::Ink,
-            );
-            free = at + half + 3.0;
-        }
-    }
+    ticks_below(sketch, &x, inner, plot.bottom);
     for (tick, text) in right.iter().flat_map(|range| &range.ticks) {
         let at = inner.up(right.as_ref().map_or(0.0, |range| range.share(*tick)));
         sketch.line([(plot.right, at), (plot.right + 3.0, at)], Tone::Muted, 0.6);
@@ -106,13 +93,38 @@ fn curve_in(sketch: &mut Sketch, curve: &Curve, series: &[Series], area: Area, x
         sketch.marks.push(super::Mark::Area { corners, tone: look.tone, cover: COVER });
     }
     let spots: Vec<_> = curve.places.iter().map(|place| at(place.x, place.y.value)).collect();
-    sketch.dashed(&spots, look.dash, look.tone, 1.6);
+    let many = spots.len() > MANY;
+    sketch.dashed(&spots, look.dash, look.tone, if many { 0.8 } else { 1.6 });
     for (place, spot) in curve.places.iter().zip(&spots) {
         if let Some(ends) = place.y.interval {
             let [low, high] = ends.map(|end| area.up(y.share(end)));
             sketch.error_bar((spot.0, low), (spot.0, high), 4.0);
         }
-        sketch.marker(*spot, look, if spots.len() > 60 { 3.0 } else { 5.0 });
+        // A long line says enough; places that no line joins are drawn however many they are.
+        if !many || look.dash == Dash::Absent {
+            sketch.marker(*spot, look, 5.0);
+        }
+    }
+}
+
+/// Ticks with their numbers; one that would touch another's has none, but the first and the last have theirs.
+fn ticks_below(sketch: &mut Sketch, x: &Range, inner: Area, bottom: f64) {
+    let span = |tick: &(f64, String)| {
+        let (at, half) = (inner.across(x.share(tick.0)), font::width(&tick.1, SMALL) / 2.0 + 2.0);
+        [at - half, at + half]
+    };
+    let last = x.ticks.len().saturating_sub(1);
+    let end = x.ticks.last().map_or(f64::INFINITY, |tick| span(tick)[0]);
+    let mut free = f64::NEG_INFINITY;
+    for (index, tick) in x.ticks.iter().enumerate() {
+        let at = inner.across(x.share(tick.0));
+        sketch.line([(at, bottom), (at, bottom + 3.0)], Tone::Ink, 0.6);
+        let [from, to] = span(tick);
+        if from >= free && (index == last || to <= end) {
+            let text = tick.1.clone();
+            sketch.text((at, bottom + 4.0 + SMALL / 2.0), Anchor::Middle, text, SMALL, Tone::Ink);
+            free = to;
+        }
     }
 }
 

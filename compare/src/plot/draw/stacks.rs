@@ -49,7 +49,7 @@ fn panel_in(sketch: &mut Sketch, panel: &Stacks, series: &[Series], area: Area, 
         let [low, high] = row.interval.unwrap_or([0.0; 2]);
         [sum(&row.parts), low, high]
     });
-    let range = Range::linear(ends.chain([0.0]), if plot.width() > 300.0 { 7 } else { 4 });
+    let range = Range::linear(ends.chain([0.0]), if plot.width() > 300.0 { 7 } else { 5 });
     for (tick, text) in &range.ticks {
         let x = plot.across(range.share(*tick));
         sketch.line([(x, plot.top), (x, plot.bottom)], Tone::Grid, 0.6);
