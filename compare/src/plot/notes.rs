@@ -59,6 +59,9 @@ pub fn mean(selection: &Selection) -> &'static str {
     if selection.scenes().len() > 1 { "; mean: geometric mean over the scenes" } else { "" }
 }
 
+/// Which way values are better.
+pub const BETTER: &str = "More MRps is better, and less of all else.";
+
 /// What error bars are, or why there are none.
 pub fn error_bars(panels: &[Bars]) -> &'static str {
     let mut bars =

@@ -54,11 +54,12 @@ pub fn charts(selection: &Selection, reference: &str) -> Found {
         .map(|(number, label)| Series { label: label.clone(), look: look_of_flavour(label, number) });
     let scenes = selection.scenes();
     let note = format!(
-        "Relative to {reference} (the line at 1){}. {} {}",
+        "Relative to {reference} (the line at 1){}. {} {} {}",
         match scenes.len() {
             1 => format!(", {}", scenes[0]),
             count => format!(", geometric mean over {count} scenes: {}", scenes.join(", ")),
         },
+        notes::BETTER,
         notes::error_bars(&panels),
         notes::device(selection),
     );

@@ -128,7 +128,7 @@ fn panel(title: &str, points: &[&Point]) -> Option<Plane> {
     });
     let mut x = axis("sample (marked: the first of a view)", [1.0]);
     x.ticks = firsts(&views);
-    Some(Plane { title: title.to_owned(), x, y: axis("rate (% of view's mean)", [100.0]), right, curves })
+    Some(Plane { title: title.to_owned(), x, y: axis("rate (% of mean)", [100.0]), right, curves })
 }
 
 fn axis(title: &str, includes: impl Into<Vec<f64>>) -> Axis {

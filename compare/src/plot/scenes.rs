@@ -31,8 +31,9 @@ pub fn charts(selection: &Selection, reference: &str) -> Found {
         });
         let panels: Vec<Bars> = panels.collect();
         let note = format!(
-            "Relative to {reference} on the same scene (the line at 1){}. {} {}",
+            "Relative to {reference} on the same scene (the line at 1){}. {} {} {}",
             notes::mean(selection),
+            notes::BETTER,
             notes::error_bars(&panels),
             notes::device(selection)
         );

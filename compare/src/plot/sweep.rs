@@ -165,8 +165,11 @@ fn finished(
     } else {
         ""
     };
+    let others = in_order(lines.iter().map(|line| line.rest.as_str())).len();
+    let rest =
+        if others > 1 { format!(" with each of {others} sets of other parameters") } else { String::new() };
     let note = format!(
-        "Relative to {} = {base}. Geometric means of {} over {}; the band is that of the variants' means.{bars}{along} {}",
+        "Relative to {} = {base}. Geometric means of {} over {}; the band is that of the variants' means{rest}.{bars}{along} {}",
         varied.name,
         variants.join(", "),
         scenes.join(", "),

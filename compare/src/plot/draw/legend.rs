@@ -8,11 +8,8 @@ use crate::plot::theme::{SMALL, Tone};
 /// Width of the sample beside a name.
 const SAMPLE: f64 = 16.0;
 
-/// Draws it from `left` and `top` on, and tells where it ends. One entry needs none: the title names it.
+/// Draws it from `left` and `top` on, and tells where it ends.
 pub fn draw(sketch: &mut Sketch, series: &[Series], body: &Body, left: f64, top: f64, width: f64) -> f64 {
-    if series.len() < 2 {
-        return top;
-    }
     let line = SMALL * 1.55;
     let (mut x, mut y) = (left, top + SMALL / 2.0);
     for entry in series {

@@ -27,22 +27,25 @@ pub fn draw(sketch: &mut Sketch, panels: &[Plane], series: &[Series], top: f64) 
     let height = match (columns, panels.len()) {
         (1, _) => 220.0,
         (_, 0..=3) => 170.0,
-        _ => 110.0,
+        _ => 84.0,
     };
+    let rows = panels.len().div_ceil(columns);
     let mut y = top;
-    for row in panels.chunks(columns) {
+    for (number, row) in panels.chunks(columns).enumerate() {
         let mut end = y;
         for (column, panel) in row.iter().enumerate() {
+            // Of many panels only the last of a column says what its axis is.
+            let below = rows < 3 || (number * columns + column + columns) >= panels.len();
             let left = MARGIN + (width + GAP) * column as f64;
             let area = Area { left, right: left + width, top: y, bottom: y + height };
-            end = end.max(panel_in(sketch, panel, series, area));
+            end = end.max(panel_in(sketch, panel, series, area, below));
         }
         y = end + GAP;
     }
     y - GAP
 }
 
-fn panel_in(sketch: &mut Sketch, panel: &Plane, series: &[Series], area: Area) -> f64 {
+fn panel_in(sketch: &mut Sketch, panel: &Plane, series: &[Series], area: Area, below: bool) -> f64 {
     let title = area.top + LABEL / 2.0;
     sketch.text((area.left, title), Anchor::Start, panel.title.clone(), LABEL, Tone::Ink);
     let plot = Area {
@@ -80,7 +83,7 @@ fn panel_in(sketch: &mut Sketch, panel: &Plane, series: &[Series], area: Area) -
         curve_in(sketch, curve, series, inner, &x, up);
     }
     frame(sketch, plot);
-    titles(sketch, panel, area, plot)
+    titles(sketch, panel, area, plot, below)
 }
 
 fn curve_in(sketch: &mut Sketch, curve: &Curve, series: &[Series], area: Area, x: &Range, y: &Range) {
@@ -152,7 +155,7 @@ fn frame(sketch: &mut Sketch, plot: Area) {
 }
 
 /// Writes what the axes are, and tells where the panel ends.
-fn titles(sketch: &mut Sketch, panel: &Plane, area: Area, plot: Area) -> f64 {
+fn titles(sketch: &mut Sketch, panel: &Plane, area: Area, plot: Area, below: bool) -> f64 {
     let middle = (plot.top + plot.bottom) / 2.0;
     let beside = |sketch: &mut Sketch, x: f64, axis: &Axis, tone: Tone| {
         sketch.upwards((x, middle), Anchor::Middle, axis.title.clone(), SMALL, tone);
@@ -160,6 +163,9 @@ fn titles(sketch: &mut Sketch, panel: &Plane, area: Area, plot: Area) -> f64 {
     beside(sketch, area.left + SMALL / 2.0, &panel.y, Tone::Ink);
     if let Some(axis) = &panel.right {
         beside(sketch, area.right - SMALL / 2.0, axis, Tone::Muted);
+    }
+    if !below {
+        return plot.bottom + 4.0 + SMALL;
     }
     let below = plot.bottom + 5.0 + SMALL * 1.8;
     let center = (plot.left + plot.right) / 2.0;

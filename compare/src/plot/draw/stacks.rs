@@ -12,11 +12,15 @@ const PITCH: f64 = 13.0;
 /// How much of that the bar takes.
 const BAR: f64 = 9.5;
 
-/// Draws the panels from `top` on, two beside each other where there are several, and tells where they end.
+/// Draws the panels from `top` on, several beside each other, and tells where they end.
 pub fn draw(sketch: &mut Sketch, panels: &[Stacks], series: &[Series], top: f64) -> f64 {
     let rows = panels.iter().flat_map(|panel| &panel.rows);
     let names = rows.map(|row| font::width(&row.label, SMALL)).fold(0.0, f64::max) + 6.0;
-    let columns = if panels.len() > 1 { 2 } else { 1 };
+    let columns = match panels.len() {
+        0 | 1 => 1,
+        2 | 4 => 2,
+        _ => 3,
+    };
     let mut y = top;
     for row in panels.chunks(columns) {
         // Names stand beside the first column only, if all have the same.
@@ -49,7 +53,7 @@ fn panel_in(sketch: &mut Sketch, panel: &Stacks, series: &[Series], area: Area, 
         let [low, high] = row.interval.unwrap_or([0.0; 2]);
         [sum(&row.parts), low, high]
     });
-    let range = Range::linear(ends.chain([0.0]), if plot.width() > 300.0 { 7 } else { 5 });
+    let range = Range::linear(ends.chain([0.0]), if plot.width() > 300.0 { 7 } else { 4 });
     for (tick, text) in &range.ticks {
         let x = plot.across(range.share(*tick));
         sketch.line([(x, plot.top), (x, plot.bottom)], Tone::Grid, 0.6);
