@@ -172,8 +172,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
             ),
             _ => self::charts(&selection, kind, &arguments.reference),
         };
-        // That one record is no two is no news unless somebody asked.
-        if kind != Kind::Records || !arguments.only.is_empty() || records.len() > 1 {
+        // That records have no points in common is no news unless somebody asked.
+        if kind != Kind::Records || !arguments.only.is_empty() {
             found.remarks.iter().for_each(|remark| say(format_args!("left out of {kind}: {remark}")));
         }
         charts.extend(found.charts);

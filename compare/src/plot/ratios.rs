@@ -50,12 +50,12 @@ pub fn total(point: &Point) -> Option<Value> {
     groups.first_mut()?.old = vec![1.0; 2];
     // The ratio to a millisecond.
     let cell = [Cell { middle: Middle::Median, groups }];
-    let interval = intervals(&cell, &mut Random::named("plot")).1;
+    let interval = sound(&cell[0]).then(|| intervals(&cell, &mut Random::named("plot")).1).flatten();
     Some(Value { value: Figure::Total.of(point)?, interval: interval.map(|i| [i.low, i.high]) })
 }
 
 fn cell(old: &Point, new: &Point, figure: Figure) -> Option<Cell> {
-    match figure {
+    let cell = match figure {
         Figure::Primary => rates(old, new, Rays::Primary),
         Figure::Secondary => rates(old, new, Rays::Secondary),
         // What one side has and the other has not, such as sampling, is 0 there: a figure is the sum.
@@ -65,7 +65,13 @@ fn cell(old: &Point, new: &Point, figure: Figure) -> Option<Cell> {
             Some(Cell { middle: Middle::Median, groups })
         }
         _ => None,
-    }
+    };
+    cell.filter(sound)
+}
+
+/// Whether statistics can be made of it: there are values, and they make two positive figures.
+fn sound(cell: &Cell) -> bool {
+    cell.least() > 0 && cell.figures().iter().all(|figure| figure.is_finite() && *figure > 0.0)
 }
 
 /// The times of all builds of a point and of its sampling, as groups.

@@ -58,12 +58,20 @@ fn chart(selection: &Selection, name: String, title: String, panels: Vec<Plane>)
     let used: Vec<usize> = (0..all.len())
         .filter(|number| panels.iter().flat_map(|panel| &panel.curves).any(|curve| curve.series == *number))
         .collect();
-    // One range of rates for all panels, so that they can be compared.
+    // One range of rates, and one of clocks, for all panels, so that they can be compared.
     let rates = panels.iter().flat_map(|panel| &panel.curves).filter(|curve| !curve.right);
     let rates: Vec<f64> = rates.flat_map(|curve| &curve.places).map(|place| place.y.value).collect();
     let ends = [rates.iter().copied().fold(100.0, f64::min), rates.iter().copied().fold(100.0, f64::max)];
+    let clocks: Vec<f64> = panels
+        .iter()
+        .filter_map(|panel| panel.right.as_ref())
+        .flat_map(|axis| axis.includes.clone())
+        .collect();
     for panel in &mut panels {
         panel.y.includes.extend(ends);
+        if let Some(axis) = &mut panel.right {
+            axis.includes = clocks.clone();
+        }
     }
     for curve in panels.iter_mut().flat_map(|panel| &mut panel.curves) {
         curve.series = used.iter().position(|number| *number == curve.series).unwrap_or(0);
@@ -122,9 +130,10 @@ fn panel(title: &str, points: &[&Point]) -> Option<Plane> {
     let clock = clock(&views);
     let right = (!clock.is_empty()).then(|| {
         // A steady clock is at the top, out of the way of the rates.
+        let least = clock.iter().map(|place| place.y.value).fold(f64::MAX, f64::min);
         let most = clock.iter().map(|place| place.y.value).fold(0.0, f64::max);
         curves.insert(0, Curve { series: CLOCK, right: true, places: clock, band: Vec::new() });
-        axis("clock (MHz)", [0.75 * most, most])
+        axis("clock (MHz)", [least.min(0.75 * most), most])
     });
     let mut x = axis("sample (marked: the first of a view)", [1.0]);
     x.ticks = firsts(&views);
