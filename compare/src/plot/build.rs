@@ -81,12 +81,13 @@ pub fn charts(selection: &Selection) -> Found {
     }
 }
 
-/// Phases as they run, then the time between them.
+/// Phases as they run, and last what is none. A phase that this version does not know stands before sampling.
 fn ordered(mut names: Vec<&str>) -> Vec<&str> {
+    const KNOWN: [&str; 7] = ["morton", "sort", "ploc", "collapse", "contract", "rearrange", "layout"];
     let rank = |name: &&str| match *name {
-        SAMPLING => 1,
-        BETWEEN => 2,
-        _ => 0,
+        SAMPLING => KNOWN.len() + 1,
+        BETWEEN => KNOWN.len() + 2,
+        name => KNOWN.iter().position(|known| *known == name).unwrap_or(KNOWN.len()),
     };
     names.sort_by_key(rank);
     names

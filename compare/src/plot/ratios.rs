@@ -87,17 +87,25 @@ fn builds(point: &Point, group: impl Fn(f64, Vec<f64>) -> Group) -> Vec<Group> {
     groups
 }
 
-/// The rates of two points by view; nothing where they have different views, or a view has no such rays.
+/// The rates of two points by view; nothing where they have different views, or only one has such rays.
 fn rates(old: &Point, new: &Point, rays: Rays) -> Option<Cell> {
-    let weight = 1.0 / old.views.len() as f64;
-    let group = |view: &View| {
+    if old.views.len() != new.views.len() {
+        return None;
+    }
+    let mut groups = Vec::new();
+    for view in &old.views {
         let same = new.views.iter().find(|other| other.name == view.name)?;
-        let group = Group { weight, old: view.rates(rays), new: same.rates(rays) };
-        (!group.old.is_empty() && !group.new.is_empty()).then_some(group)
-    };
-    let groups: Vec<Group> = old.views.iter().map(group).collect::<Option<_>>()?;
-    (!groups.is_empty() && old.views.len() == new.views.len())
-        .then_some(Cell { middle: Middle::Mean, groups })
+        let group = Group { weight: 1.0, old: view.rates(rays), new: same.rates(rays) };
+        match (group.old.is_empty(), group.new.is_empty()) {
+            // The view has no such rays, and no part in the mean.
+            (true, true) => {}
+            (false, false) => groups.push(group),
+            _ => return None,
+        }
+    }
+    let share = 1.0 / groups.len() as f64;
+    groups.iter_mut().for_each(|group| group.weight = share);
+    Some(Cell { middle: Middle::Mean, groups })
 }
 
 /// The point of a variant that has no more than one on each scene: of a variant that was measured with several

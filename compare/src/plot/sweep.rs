@@ -144,8 +144,12 @@ fn finished(
     let look = |tone, marker, dash| Look { tone, hatch: Hatch::Plain, marker, dash };
     let variants = in_order(lines.iter().map(|line| line.variant.as_str()));
     let scenes = in_order(lines.iter().map(|line| line.scene.as_str()));
+    let banded = panels.iter().flat_map(|panel| &panel.curves).any(|curve| !curve.band.is_empty());
     let all = [
-        ("mean; band: from the least to the greatest variant", look(Tone::Blue, Marker::Disc, Dash::Solid)),
+        (
+            if banded { "mean; band: from the least to the greatest variant" } else { "mean" },
+            look(Tone::Blue, Marker::Disc, Dash::Solid),
+        ),
         ("the same variants without CBTC", look(Tone::Ink, Marker::Nothing, Dash::Dashed)),
         ("time of sampling (right axis)", look(Tone::Vermilion, Marker::Square, Dash::Dotted)),
     ];
@@ -166,10 +170,13 @@ fn finished(
         ""
     };
     let others = in_order(lines.iter().map(|line| line.rest.as_str())).len();
-    let rest =
-        if others > 1 { format!(" with each of {others} sets of other parameters") } else { String::new() };
+    let band = match (banded, others) {
+        (false, _) => String::new(),
+        (true, 1) => "; the band is that of the variants' means".into(),
+        (true, others) => format!("; the band is that of the means with {others} sets of other parameters"),
+    };
     let note = format!(
-        "Relative to {} = {base}. Geometric means of {} over {}; the band is that of the variants' means{rest}.{bars}{along} {}",
+        "Relative to {} = {base}. Geometric means of {} over {}{band}.{bars}{along} {}",
         varied.name,
         variants.join(", "),
         scenes.join(", "),

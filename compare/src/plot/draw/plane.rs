@@ -5,7 +5,7 @@ use super::font;
 use super::sketch::{Anchor, Sketch};
 use super::{Area, MARGIN};
 use crate::plot::chart::{Axis, Curve, Plane, Series};
-use crate::plot::theme::{Dash, GAP, LABEL, SMALL, Tone, WIDTH};
+use crate::plot::theme::{Dash, GAP, LABEL, Look, Marker, SMALL, Tone, WIDTH};
 
 /// Room for an axis beside a panel.
 const AXIS: f64 = 46.0;
@@ -104,7 +104,9 @@ fn curve_in(sketch: &mut Sketch, curve: &Curve, series: &[Series], area: Area, x
             sketch.error_bar((spot.0, low), (spot.0, high), 4.0);
         }
         // A long line says enough; places that no line joins are drawn however many they are.
-        if !many || look.dash == Dash::Absent {
+        if spots.len() == 1 && look.marker == Marker::Nothing {
+            sketch.marker(*spot, Look { marker: Marker::Disc, ..look }, 4.0);
+        } else if !many || look.dash == Dash::Absent {
             sketch.marker(*spot, look, 5.0);
         }
     }
