@@ -4,7 +4,7 @@ use super::chart::Value;
 use crate::figure::Figure;
 use crate::select::{Entry, Selection, geometric_mean, ratio};
 use crate::stats::{Cell, Group, Middle, Random, intervals};
-use record::{Build, Point, Rays, View};
+use record::{Build, Point, Rays};
 
 /// An old point and a new one.
 pub type Pair<'r> = [&'r Point; 2];
