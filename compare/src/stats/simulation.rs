@@ -39,19 +39,23 @@ fn p(cells: &[Cell], random: &mut Random) -> PValues {
 }
 
 #[test]
-fn of_ten_thousand_comparisons_of_equals_five_percent_look_changed() {
+fn of_ten_thousand_comparisons_of_equals_at_most_five_percent_look_changed() {
     for (views, samples) in [(1, 5), (2, 3), (3, 5)] {
         let wrong = share(10_000, |random| {
-            let cell = simulated(random, views, samples, 0.0, 0.0);
-            p(&[cell], random).cells[0] < 0.05
+            let cells = [simulated(random, views, samples, 0.0, 0.0)];
+            // As a verdict has it: the interval is asked too.
+            p(&cells, random).cells[0] < 0.05
+                && intervals(&cells, random)
+                    .1
+                    .is_some_and(|interval| interval.low > 1.0 || interval.high < 1.0)
         });
         println!("{views} views, {samples} samples: {wrong}");
-        assert!(wrong < beyond(0.05, 10_000), "{views} views, {samples} samples: {wrong}");
+        assert!(wrong <= 0.05, "{views} views, {samples} samples: {wrong}");
     }
 }
 
 #[test]
-fn of_ten_thousand_tables_of_equals_five_percent_have_any_change() {
+fn of_ten_thousand_tables_of_equals_at_most_five_percent_have_any_change() {
     let wrong = share(10_000, |random| {
         // Two variants on three scenes, and the mean of each over the scenes.
         let mut all = Vec::new();
@@ -64,7 +68,7 @@ fn of_ten_thousand_tables_of_equals_five_percent_have_any_change() {
         holm(&all).into_iter().any(|p| p < 0.05)
     });
     println!("{wrong}");
-    assert!(wrong < beyond(0.05, 10_000), "{wrong}");
+    assert!(wrong <= 0.05, "{wrong}");
 }
 
 /// Without blocks, 15% would look changed with a memory of 0.3, and 34% with one of 0.6.
@@ -96,20 +100,32 @@ fn ninety_five_of_a_hundred_intervals_contain_the_truth() {
     }
 }
 
+/// Samples that scatter by 1%, as primary rates on a GPU do; of secondary ones it is less.
 #[test]
 fn changes_are_seen() {
-    // Samples that scatter by 1%, as primary rates on a GPU do.
-    let power = |views, samples, change| {
-        share(1000, |random| {
-            let cell = simulated(random, views, samples, change, 0.0);
-            p(&[cell], random).cells[0] < 0.05
-        })
+    // Among 50 tests, Holm's correction asks for a p of a thousandth at first.
+    let seen = |views, samples, change| {
+        let p: Vec<f64> = (0..1000)
+            .into_par_iter()
+            .map(|one| {
+                let random = &mut Random::named(&format!("changed {one}"));
+                let cell = simulated(random, views, samples, change, 0.0);
+                p_values(&[cell], 2000, random).unwrap().cells[0]
+            })
+            .collect();
+        [0.05, 0.001].map(|level| p.iter().filter(|p| **p < level).count() as f64 / 1000.0)
     };
-    for (views, samples, change, least) in
-        [(8, 5, 0.01, 0.8), (8, 15, 0.01, 0.95), (8, 5, 0.02, 0.95), (8, 3, 0.05, 0.99), (1, 5, 0.05, 0.99)]
-    {
-        let seen = power(views, samples, change);
-        println!("{views} views, {samples} samples, {change}: {seen}");
-        assert!(seen > least, "{views} views, {samples} samples, {change}: {seen}");
+    for (views, samples, change, alone, among_fifty) in [
+        (8, 3, 0.01, 0.75, 0.2),
+        (8, 5, 0.01, 0.95, 0.5),
+        (8, 15, 0.01, 0.99, 0.99),
+        (8, 3, 0.02, 0.99, 0.85),
+        (8, 5, 0.02, 0.99, 0.99),
+        (8, 3, 0.05, 0.99, 0.99),
+        (1, 5, 0.05, 0.99, 0.0),
+    ] {
+        let seen = seen(views, samples, change);
+        println!("{views} views, {samples} samples, {change}: {seen:?}");
+        assert!(seen[0] > alone && seen[1] >= among_fifty, "{views}, {samples}, {change}: {seen:?}");
     }
 }

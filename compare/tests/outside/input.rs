@@ -1,8 +1,6 @@
 //! Input that nobody expected: an error that names the file and the place, and never a panic.
 
-mod common;
-
-use common::{compare_in, stderr, stdout, synthetic};
+use crate::common::{compare_in, stderr, stdout, synthetic};
 use compare::diff::{Named, compare};
 use compare::select::Filter;
 use record::Record;

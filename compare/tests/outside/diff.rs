@@ -1,8 +1,6 @@
 //! `compare diff` from outside.
 
-mod common;
-
-use common::{compare_in, stderr, stdout, synthetic};
+use crate::common::{compare_in, stderr, stdout, synthetic};
 use record::{Exclusion, Record, Throttling, Verdict};
 use serde_json::Value;
 use std::process::Output;

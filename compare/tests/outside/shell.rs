@@ -1,9 +1,11 @@
 //! The program from outside.
 
-use std::process::{Command, Output};
+use crate::common::compare_in;
+use std::path::Path;
+use std::process::Output;
 
 fn compare(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_compare")).args(arguments).output().unwrap()
+    compare_in(Path::new("."), arguments)
 }
 
 #[test]
