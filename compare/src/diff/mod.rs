@@ -57,18 +57,19 @@ pub struct Arguments {
 
 const HELP: &str = "\
 Verdicts:
-  faster, slower  chance is a poor explanation (p < 5% after Holm's correction over the whole table, the interval
-                  leaves out no change), and the change is at least the threshold
+  faster, slower  by the threshold at least, and chance is a poor explanation: p < 5% after Holm's
+                  correction over the whole table, and the 95% interval leaves out no change
   same            the 95% interval lies within the threshold
   unclear         neither: more samples would tell, and the output says about how many
-A change inside the noise is printed as ~, one of which nobody can tell (a single sample) with a ?.
+A change inside the noise is printed as ~. A ? follows one of which nobody can tell, because there
+are too few samples.
 
 Exit status: 0 done, 1 failed (or the records are not comparable), 2 usage, 3 a regression beyond
 --fail-on-regression. Improvements never fail.
 
 Examples:
   compare diff old.json new.json
-  compare diff old.json new.json --format commit | git commit -F - -e
+  compare diff old.json new.json --format commit
   compare diff old.json new.json --variant 'Wide4*' --threshold 0.5% --fail-on-regression 2%";
 
 /// How a comparison is said.

@@ -16,6 +16,7 @@
 
 pub mod blocks;
 mod cell;
+mod deck;
 mod holm;
 mod interval;
 mod permutation;
