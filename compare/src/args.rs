@@ -30,6 +30,7 @@ Examples:
   compare latex record.json --table scene --scene 'bistro*' --standalone > tables.tex
   compare markdown sweep.json --table workgroup
   compare plot record.json -o out/plots --only overall --only scenes
+  compare report record.json -o out/report.html
   compare completions bash > ~/.local/share/bash-completion/completions/compare
   compare man | man -l -";
 
@@ -46,6 +47,8 @@ pub enum Command {
     Markdown(crate::tables::command::Arguments),
     /// Draw what is in records: variants against each other, sweeps, builds, samples.
     Plot(crate::plot::Arguments),
+    /// Write a page of HTML with all that is in records, which needs no other file and no network.
+    Report(crate::report::Arguments),
     /// Print a script that completes this command line in a shell.
     Completions {
         /// The shell.

@@ -13,6 +13,7 @@ pub mod help;
 pub mod load;
 pub mod output;
 pub mod plot;
+pub mod report;
 pub mod select;
 pub mod stats;
 pub mod tables;
@@ -53,6 +54,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<Exit> {
         Command::Markdown(arguments) => tables::command::markdown(arguments),
         Command::Completions { shell } => help::completions(*shell),
         Command::Plot(arguments) => plot::run(arguments),
+        Command::Report(arguments) => report::run(arguments),
         Command::Man { command } => help::man(command.as_deref()),
     }
 }
