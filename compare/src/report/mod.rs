@@ -17,6 +17,7 @@ pub mod points;
 pub mod provenance;
 pub mod samples;
 pub mod scene;
+pub mod slim;
 pub mod standing;
 pub mod summary;
 pub mod trust;

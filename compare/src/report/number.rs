@@ -22,6 +22,16 @@ pub fn ratio(value: f64) -> String {
     format!("{value:.2}")
 }
 
+/// Half the width of an interval, from its share of the value.
+pub fn plus_minus(share: f64) -> String {
+    match 100.0 * share {
+        0.0 => "±0%".into(),
+        percent if percent < 0.05 => "±<0.1%".into(),
+        percent if percent < 9.95 => format!("±{percent:.1}%"),
+        percent => format!("±{percent:.0}%"),
+    }
+}
+
 /// A count, in groups of three digits.
 pub fn grouped(count: u64) -> String {
     grouped_text(&count.to_string())
@@ -95,6 +105,12 @@ mod tests {
             "-12\u{202f}345",
         ];
         assert_eq!(shown, expected);
+    }
+
+    #[test]
+    fn intervals_have_one_digit_after_the_point() {
+        let shown: Vec<String> = [0.0, 1e-5, 0.012, 0.5].into_iter().map(plus_minus).collect();
+        assert_eq!(shown, ["±0%", "±<0.1%", "±1.2%", "±50%"]);
     }
 
     #[test]

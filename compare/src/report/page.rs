@@ -1,9 +1,9 @@
 //! The page around the chapters.
 
 use super::chapter::{Chapter, PARTS};
-use super::plots;
+use super::{plots, slim};
+use crate::plot::records;
 use crate::plot::theme::dark_css;
-use crate::plot::{records, svg};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 const STYLE: &str = include_str!("style.css");
@@ -80,7 +80,7 @@ fn changes(chapters: &[Chapter]) -> Markup {
         section.chapter id="changes" {
             h2 { "From the first to the second" }
             p { "What changed from " (old.source.name) " to " (new.source.name) ". `compare diff` has the numbers, and how sure they are." }
-            div.plots { @for chart in &found.charts { (plots::figure(chart, &svg(chart))) } }
+            div.plots { @for chart in &found.charts { (plots::figure(chart, &slim::svg(chart))) } }
             @for remark in &found.remarks { p.remark { (remark) } }
         }
     }

@@ -2,7 +2,8 @@
 
 use super::chapter::Chapter;
 use super::number::bytes;
-use crate::plot::{Chart, Kind, charts, svg};
+use super::slim;
+use crate::plot::{Chart, Kind, charts};
 use maud::{Markup, PreEscaped, html};
 
 /// Larger plots are left out, in bytes of SVG: those of very many samples.
@@ -35,7 +36,7 @@ pub fn markup(chapter: &Chapter) -> Markup {
         without.extend(found.remarks.into_iter().map(|remark| format!("{kind}: {remark}")));
         let mut drawn = Vec::new();
         for chart in &found.charts {
-            let picture = svg(chart);
+            let picture = slim::svg(chart);
             if picture.len() <= LARGEST.min(left) {
                 left -= picture.len();
                 drawn.push(figure(chart, &picture));

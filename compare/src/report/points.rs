@@ -1,7 +1,7 @@
 //! The table of all points.
 
 use super::chapter::Chapter;
-use super::number::{gap, grouped, ratio, short};
+use super::number::{gap, plus_minus, ratio, short};
 use super::provenance::provenance;
 use super::summary::{better, interval};
 use super::trust;
@@ -11,15 +11,13 @@ use maud::{Markup, html};
 use record::{Point, Rays};
 
 /// The columns: figure, title, whether the ratio to the reference stands beside it.
-const COLUMNS: [(Figure, &str, bool); 10] = [
+const COLUMNS: [(Figure, &str, bool); 8] = [
     (Figure::Primary, "pMRps", true),
     (Figure::Secondary, "sMRps", true),
     (Figure::Total, "build ms", true),
     (Figure::Nodes, "nodes", false),
     (Figure::Boxes, "boxes", false),
     (Figure::Triangles, "tris", false),
-    (Figure::Children, "children", false),
-    (Figure::Depth, "depth", false),
     (Figure::SahCost, "SAH", false),
     (Figure::Bytes, "MiB", false),
 ];
@@ -37,6 +35,8 @@ pub fn markup(chapter: &Chapter) -> Markup {
         .collect();
     let left_out: Vec<&str> =
         COLUMNS.iter().filter(|column| !shown.contains(column)).map(|(_, title, _)| *title).collect();
+    // A column of gaps takes the place of numbers and tells nothing that the section on trust does not.
+    let judged = chapter.selection.entries.iter().any(|entry| entry.point.measurement.is_some());
     let times = format!("× {}", chapter.reference);
     let caption = "Every point of the record; each number leads to its samples";
     html! {
@@ -58,7 +58,7 @@ pub fn markup(chapter: &Chapter) -> Markup {
                             (head(&times, &format!("{title} as a multiple of {}'s on the same scene", chapter.reference), true))
                         }
                     }
-                    (head("verdict", "whether the device was slowed down meanwhile", false))
+                    @if judged { (head("Verdict", "whether the device was slowed down meanwhile", false)) }
                 } }
                 tbody {
                     @for entry in &chapter.selection.entries {
@@ -70,7 +70,7 @@ pub fn markup(chapter: &Chapter) -> Markup {
                                 (cell(chapter, entry, *figure))
                                 @if *related { (related_cell(chapter, entry, *figure)) }
                             }
-                            td { (trust::of_point(entry.point)) }
+                            @if judged { td { (trust::of_point(entry.point)) } }
                         }
                     }
                 }
@@ -93,8 +93,6 @@ fn explained(figure: Figure) -> String {
         Figure::Nodes => "nodes that a ray visits",
         Figure::Boxes => "boxes that a ray is tested against",
         Figure::Triangles => "triangles that a ray is tested against",
-        Figure::Children => "children of a node, on average",
-        Figure::Depth => "most edges between the root and a leaf",
         Figure::SahCost => "expected cost by the surface area heuristic; its costs differ between variants",
         Figure::Bytes => "memory of nodes and triangles",
         other => other.column(),
@@ -113,7 +111,7 @@ fn cell(chapter: &Chapter, entry: &Entry, figure: Figure) -> Markup {
     html! {
         td.number data-value=(value) {
             a href=(format!("#{}", chapter.id_of(entry))) title=(provenance(entry.point, figure)) { (short(shown)) }
-            @if let Some(half) = half_width(entry.point, figure) { small { " ±" (half) "%" } }
+            @if let Some(share) = half_width(entry.point, figure) { small { " " (plus_minus(share)) } }
         }
     }
 }
@@ -125,13 +123,12 @@ fn related_cell(chapter: &Chapter, entry: &Entry, figure: Figure) -> Markup {
     html! { td.number data-value=(value.value) title=(interval(value)) { (ratio(value.value)) } }
 }
 
-/// Half the width of a rate's interval in percent.
-fn half_width(point: &Point, figure: Figure) -> Option<String> {
+/// Half the width of a rate's interval, as a share of the rate.
+fn half_width(point: &Point, figure: Figure) -> Option<f64> {
     let rays = match figure {
         Figure::Primary => Rays::Primary,
         Figure::Secondary => Rays::Secondary,
         _ => return None,
     };
-    let half = 100.0 * point.estimate(rays)?.relative_half_width();
-    half.is_finite().then(|| if half >= 9.95 { grouped(half.round() as u64) } else { format!("{half:.1}") })
+    Some(point.estimate(rays)?.relative_half_width()).filter(|share| share.is_finite())
 }

@@ -1,6 +1,6 @@
 //! Where a number of a point comes from: how many samples, and between what it lies.
 
-use super::number::{count, grouped, short};
+use super::number::{count, grouped};
 use crate::figure::Figure;
 use record::{Point, Rays};
 
@@ -58,7 +58,7 @@ fn rate(point: &Point, rays: Rays) -> String {
 
 /// A value with one digit more than tables show.
 fn precise(value: f64) -> String {
-    if value.abs() >= 99.95 { format!("{value:.1}") } else { format!("{}{}", short(value), "") }
+    if value.abs() >= 99.95 { format!("{value:.1}") } else { format!("{value:.3}") }
 }
 
 #[cfg(test)]

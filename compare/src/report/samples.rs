@@ -81,6 +81,7 @@ pub fn markup(chapter: &Chapter, entry: &Entry, budget: Budget) -> Markup {
                     (fact("Secondary rate", html! { (provenance(point, Figure::Secondary)) }))
                     (fact("Build", html! { (provenance(point, Figure::Total)) }))
                     (fact("Counts", html! { (provenance(point, Figure::Nodes)) }))
+                    (fact("Tree", tree(point)))
                     (fact("Verdict", trust::of_point(point)))
                     (measurement(point))
                 }
@@ -89,6 +90,26 @@ pub fn markup(chapter: &Chapter, entry: &Entry, budget: Budget) -> Markup {
                 (builds(point))
                 (kernels(&point.kernels))
             }
+        }
+    }
+}
+
+/// What was traced; the mean over views where each has its own.
+fn tree(point: &Point) -> Markup {
+    const OF_TREE: [(Figure, &str); 5] = [
+        (Figure::Children, "children a node"),
+        (Figure::LeafTriangles, "triangles a leaf"),
+        (Figure::Depth, "levels"),
+        (Figure::SahCost, "SAH cost"),
+        (Figure::Bytes, "bytes"),
+    ];
+    let known = OF_TREE.map(|(figure, what)| Some((short(figure.of(point)?), what)));
+    html! {
+        @if known.iter().all(Option::is_none) { (gap("not recorded")) } @else {
+            @for (index, (value, what)) in known.iter().flatten().enumerate() {
+                @if index > 0 { ", " } (value) " " (what)
+            }
+            "; " (provenance(point, Figure::Bytes))
         }
     }
 }

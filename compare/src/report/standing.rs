@@ -48,7 +48,13 @@ impl Standings {
                     .iter()
                     .map(|entry| Some([selection.reference(entry, reference)?.point, entry.point]))
                     .collect();
-                let compared = COMPARED.map(|figure| ratios(&pairs, figure));
+                let mut compared = COMPARED.map(|figure| ratios(&pairs, figure));
+                if variant == reference {
+                    // A point is exactly once itself, however its samples scatter.
+                    for of in &mut compared {
+                        of.each.iter_mut().chain([&mut of.mean]).flatten().for_each(|v| v.interval = None);
+                    }
+                }
                 for (figure, of) in COMPARED.into_iter().zip(&compared) {
                     for (entry, ratio) in entries.iter().zip(&of.each) {
                         if let Some(ratio) = ratio {
@@ -76,6 +82,22 @@ impl Standings {
     /// A figure of a point as a multiple of the reference's.
     pub fn ratio(&self, entry: &Entry, figure: Figure) -> Option<&Value> {
         self.ratios.get(&(entry.index, figure))
+    }
+
+    /// How one stands to another, over the scenes that both were measured on.
+    pub fn against(
+        &self,
+        selection: &Selection,
+        old: &Standing,
+        new: &Standing,
+        figure: Figure,
+    ) -> Option<Value> {
+        let of = |scene: &str, standing: &Standing| {
+            selection.entry(scene, &standing.variant, &standing.pass).map(|entry| entry.point)
+        };
+        let pair = |scene: &&str| -> Option<Pair> { Some([of(scene, old)?, of(scene, new)?]) };
+        let pairs: Vec<Option<Pair>> = selection.scenes().iter().map(pair).collect();
+        ratios(&pairs, figure).mean
     }
 
     /// Those that were measured on all scenes and have the figure, the best first.

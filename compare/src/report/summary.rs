@@ -1,7 +1,7 @@
 //! What comes out of a record, in a few lines and one table.
 
 use super::chapter::Chapter;
-use super::number::{count, gap, ratio, short};
+use super::number::{count, gap, plus_minus, ratio};
 use super::points::head;
 use super::standing::{COMPARED, Standing};
 use crate::figure::{Better, Figure};
@@ -96,7 +96,7 @@ pub fn cell(value: Option<&Value>, reference: &str, scenes: usize) -> Markup {
         td.number data-value=(value.value) title=(format!("{of}; {}", interval(value))) {
             (ratio(value.value))
             @if let Some([low, high]) = value.interval {
-                small { " ±" (short(50.0 * (high - low) / value.value)) "%" }
+                small { " " (plus_minus(0.5 * (high - low) / value.value)) }
             }
         }
     }
@@ -106,7 +106,7 @@ pub fn cell(value: Option<&Value>, reference: &str, scenes: usize) -> Markup {
 pub fn interval(value: &Value) -> String {
     match value.interval {
         Some([low, high]) => format!("95% interval {low:.4} to {high:.4}"),
-        None => "no interval: it is no rate, or there are too few samples".into(),
+        None => "no interval: it is exact, or there are too few samples".into(),
     }
 }
 
@@ -120,20 +120,19 @@ fn best(chapter: &Chapter, index: usize, figure: Figure) -> Option<Markup> {
     let what = match figure {
         Figure::Primary => "Fastest for primary rays",
         Figure::Secondary => "Fastest for secondary rays",
-        Figure::Total => "Built first",
+        Figure::Total => "Quickest to build",
         Figure::Nodes => "Fewest nodes visited",
         _ => "Least memory",
     };
-    let lead = 100.0 * (first.means[index]? / second.means[index]? - 1.0);
+    let lead = chapter.standings.against(&chapter.selection, second, first, figure)?;
     Some(html! {
         (what) ": " strong { (named(first)) }
         @if first.variant != chapter.reference && let Some(value) = &first.ratios[index] {
             ", " span title=(interval(value)) { (ratio(value.value)) " times" } " " (chapter.reference)
         }
-        " (" @match lead {
-            0.0 => { "as " (named(second)) }
-            _ => { (signed(lead)) " against " (named(second)) }
-        } ")."
+        " (" span title=(interval(&lead)) { (signed(100.0 * (lead.value - 1.0))) } " against " (named(second))
+        @if let Some([low, high]) = lead.interval && low <= 1.0 && high >= 1.0 { ", which chance explains" }
+        ")."
     })
 }
 
@@ -143,6 +142,9 @@ fn named(standing: &Standing) -> Markup {
 
 /// A change in percent.
 fn signed(change: f64) -> String {
+    if change.abs() < 0.05 {
+        return "±0.0%".into();
+    }
     let text = if change.abs() < 9.95 { format!("{change:+.1}") } else { format!("{change:+.0}") };
     format!("{}%", text.replace('-', "−"))
 }
@@ -155,5 +157,6 @@ mod tests {
     fn changes_have_their_sign() {
         assert_eq!(signed(2.34), "+2.3%");
         assert_eq!(signed(-12.3), "−12%");
+        assert_eq!(signed(-0.01), "±0.0%");
     }
 }

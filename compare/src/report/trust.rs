@@ -165,7 +165,7 @@ fn hold(name: &str, hold: &Hold) -> Markup {
             td { (hold.asked) }
             (mhz(hold.locked_mhz, "free"))
             (mhz(hold.delivered_mhz, "not told"))
-            td { (hold.remark.as_deref().unwrap_or_default()) }
+            td.long { (hold.remark.as_deref().unwrap_or_default()) }
         }
     }
 }
