@@ -10,6 +10,7 @@ pub mod csv;
 pub mod diff;
 pub mod figure;
 pub mod help;
+pub mod journal;
 pub mod load;
 pub mod output;
 pub mod plot;
