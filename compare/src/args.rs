@@ -1,6 +1,6 @@
 //! The command line. What a command takes is defined in the command's own module.
 
-use crate::diff;
+use crate::{diff, hook};
 use clap::{Parser, Subcommand};
 
 /// Turns benchmark records into text, tables and pictures.
@@ -31,6 +31,7 @@ Examples:
   compare markdown sweep.json --table workgroup
   compare plot record.json -o out/plots --only overall --only scenes
   compare report record.json -o out/report.html
+  compare hook install
   compare completions bash > ~/.local/share/bash-completion/completions/compare
   compare man | man -l -";
 
@@ -49,6 +50,8 @@ pub enum Command {
     Plot(crate::plot::Arguments),
     /// Write a page of HTML with all that is in records, which needs no other file and no network.
     Report(crate::report::Arguments),
+    /// Have git add what changed to the message of each commit that brings a record.
+    Hook(hook::Arguments),
     /// Print a script that completes this command line in a shell.
     Completions {
         /// The shell.

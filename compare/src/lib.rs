@@ -7,9 +7,12 @@
 
 pub mod args;
 pub mod csv;
+pub mod change;
 pub mod diff;
 pub mod figure;
+pub mod git;
 pub mod help;
+pub mod hook;
 pub mod journal;
 pub mod load;
 pub mod output;
@@ -53,6 +56,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<Exit> {
         Command::Csv(arguments) => csv::run(arguments),
         Command::Latex(arguments) => tables::command::latex(arguments),
         Command::Markdown(arguments) => tables::command::markdown(arguments),
+        Command::Hook(arguments) => hook::run(arguments),
         Command::Completions { shell } => help::completions(*shell),
         Command::Plot(arguments) => plot::run(arguments),
         Command::Report(arguments) => report::run(arguments),
