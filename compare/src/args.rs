@@ -1,6 +1,6 @@
 //! The command line. What a command takes is defined in the command's own module.
 
-use crate::{diff, hook};
+use crate::{diff, history, hook};
 use clap::{Parser, Subcommand};
 
 /// Turns benchmark records into text, tables and pictures.
@@ -50,6 +50,8 @@ pub enum Command {
     Plot(crate::plot::Arguments),
     /// Write a page of HTML with all that is in records, which needs no other file and no network.
     Report(crate::report::Arguments),
+    /// Say how the rates of a record went from commit to commit.
+    History(history::Arguments),
     /// Have git add what changed to the message of each commit that brings a record.
     Hook(hook::Arguments),
     /// Print a script that completes this command line in a shell.

@@ -12,6 +12,7 @@ pub mod diff;
 pub mod figure;
 pub mod git;
 pub mod help;
+pub mod history;
 pub mod hook;
 pub mod journal;
 pub mod load;
@@ -56,6 +57,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<Exit> {
         Command::Csv(arguments) => csv::run(arguments),
         Command::Latex(arguments) => tables::command::latex(arguments),
         Command::Markdown(arguments) => tables::command::markdown(arguments),
+        Command::History(arguments) => history::run(arguments),
         Command::Hook(arguments) => hook::run(arguments),
         Command::Completions { shell } => help::completions(*shell),
         Command::Plot(arguments) => plot::run(arguments),

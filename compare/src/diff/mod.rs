@@ -20,7 +20,7 @@ mod terminal;
 mod verdict;
 
 pub use comparison::{Change, Comparison, Line, Section, Side, label, shown};
-pub use percent::Percent;
+pub use percent::{Percent, THRESHOLD};
 pub use verdict::Verdict;
 
 use crate::load::load;
@@ -135,7 +135,7 @@ impl<'r> Named<'r> {
 /// # Errors
 /// They have no point in common.
 pub fn commit_text(old: Named, new: Named) -> anyhow::Result<Option<String>> {
-    let comparison = compare(old, new, &Filter::default(), percent::THRESHOLD)?;
+    let comparison = compare(old, new, &Filter::default(), THRESHOLD)?;
     Ok(comparison.obstacles.is_empty().then(|| commit::text(&comparison)))
 }
 
