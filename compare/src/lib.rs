@@ -6,8 +6,8 @@
 //! output.
 
 pub mod args;
-pub mod csv;
 pub mod change;
+pub mod csv;
 pub mod diff;
 pub mod figure;
 pub mod git;

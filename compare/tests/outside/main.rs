@@ -3,7 +3,11 @@
 mod common;
 mod diff;
 mod documentation;
+mod history;
+#[cfg(unix)]
+mod hook;
 mod input;
 mod reference;
 mod reports;
+mod repository;
 mod shell;

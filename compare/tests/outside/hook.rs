@@ -1,12 +1,8 @@
 //! `compare hook` in real repositories.
-#![cfg(unix)]
 
-mod common;
-mod repository;
-
-use common::{compare_in, stderr, stdout, synthetic};
+use crate::common::{compare_in, stderr, stdout, synthetic};
+use crate::repository::Repository;
 use record::Record;
-use repository::Repository;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;

@@ -1,11 +1,8 @@
 //! `compare history` in real repositories.
 
-mod common;
-mod repository;
-
-use common::{compare_in, stderr, stdout, synthetic};
+use crate::common::{compare_in, stderr, stdout, synthetic};
+use crate::repository::Repository;
 use record::Record;
-use repository::Repository;
 use serde_json::Value;
 
 /// `Wide4` is faster by this on secondary rays, and `Binary` is not.
