@@ -210,6 +210,10 @@ fn insist(gpu: &dyn Gpu, change: &Change) -> Result<(), Trouble> {
             Ok(Some(now @ (Change::Persistence { .. } | Change::Level { .. }))) if now != *change => {
                 Err(Trouble::Other(format!("the driver accepted it, but {now} is in force")))
             }
+            // What cannot be looked at is not known to be back.
+            Err(trouble) if matches!(change, Change::Persistence { .. } | Change::Level { .. }) => {
+                Err(trouble)
+            }
             _ => Ok(()),
         });
         match done {

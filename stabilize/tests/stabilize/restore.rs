@@ -158,6 +158,8 @@ fn clocks_can_be_restored_to_what_somebody_else_had_locked() {
     kill(pid(&child), Signal::SIGKILL).unwrap();
     child.wait().unwrap();
     eventually(SOON, "the other's lock is back", || machine.settings() == first);
+    // The watchdog holds the GPU until it has ended.
+    eventually(SOON, "the GPU is free", || machine.run(&["status"]).out.contains("held by nobody"));
     // Whoever did not say so at the beginning can say so at the end.
     kill_both(&mut running(&machine));
     assert_eq!(machine.run(&["restore", "--restore-to", "1200,1593"]).status, Some(0));
