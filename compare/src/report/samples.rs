@@ -103,7 +103,10 @@ fn tree(point: &Point) -> Markup {
         (Figure::SahCost, "SAH cost"),
         (Figure::Bytes, "bytes"),
     ];
-    let known = OF_TREE.map(|(figure, what)| Some((short(figure.of(point)?), what)));
+    let known = OF_TREE.map(|(figure, what)| {
+        let value = figure.of(point)?;
+        Some((if value.fract() == 0.0 { grouped(value as u64) } else { short(value) }, what))
+    });
     html! {
         @if known.iter().all(Option::is_none) { (gap("not recorded")) } @else {
             @for (index, (value, what)) in known.iter().flatten().enumerate() {
