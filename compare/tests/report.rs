@@ -119,7 +119,7 @@ fn every_rate_leads_to_its_samples() {
     for cell in all(&html, "table.filtered td.number a") {
         let about = cell.attr("title").unwrap();
         assert!(!about.is_empty());
-        let target = Selector::parse(&cell.attr("href").unwrap()).unwrap();
+        let target = Selector::parse(cell.attr("href").unwrap()).unwrap();
         let block = html.select(&target).next().unwrap();
         let parent = block.parent().and_then(ElementRef::wrap).unwrap();
         assert_eq!(parent.value().name(), "details");

@@ -8,8 +8,11 @@ use record::{DeviceKind, Parameters, Record};
 
 /// All in one line.
 pub fn line(record: &Record) -> Markup {
+    // As the vendor writes it, where Vulkan has nothing but a number.
+    let driver = &record.device.driver;
+    let driver = if driver.info.is_empty() { &driver.version } else { &driver.info };
     html! {
-        (record.device.name) ", driver " (text(&record.device.driver.version)) ", "
+        (record.device.name) ", driver " (text(driver)) ", "
         (record.run.width) "×" (record.run.height) ", " (record.started)
     }
 }
