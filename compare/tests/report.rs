@@ -73,7 +73,7 @@ fn sound(page: &str) -> Html {
     html
 }
 
-/// Headings, captions and heads of tables, facts and blocks, without what plots hold.
+/// Headings, captions, rows of tables, facts and blocks, and the titles of plots.
 fn outline(html: &Html) -> String {
     let mut lines = Vec::new();
     for element in all(html, "h1, h2, h3, h4, h5, caption, tr, dl.facts > div, summary, figure, p") {
@@ -83,7 +83,7 @@ fn outline(html: &Html) -> String {
             "figure" => element
                 .child_elements()
                 .next()
-                .and_then(|child| child.attr("aria-label"))
+                .and_then(|child| child.attr("aria-label")?.split(". ").next())
                 .unwrap_or_default()
                 .to_owned(),
             "div" => element.child_elements().map(text).collect::<Vec<_>>().join(": "),
