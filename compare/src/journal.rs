@@ -53,8 +53,8 @@ pub fn is_journal(text: &[u8]) -> bool {
             && serde_json::from_slice::<Probe>(first).is_ok_and(|probe| probe.journal.is_some())
 }
 
-/// The record that a journal amounts to: results in the order of the config. It has no end where points are missing
-/// of the share that was to be measured.
+/// The record that a journal amounts to: results in the order of the config. It has no end where points are missing,
+/// unless it is one of several shares: what belongs to each only the runner knows.
 ///
 /// # Errors
 /// It has another format, or is damaged elsewhere than in its last line.
@@ -85,7 +85,6 @@ pub fn parse(text: &[u8]) -> Result<Record, Problem> {
     let ends = entries.iter().filter_map(|entry| Some(entry.point.measurement.as_ref()?.finished)).max();
     let missing =
         points.iter().filter(|key| !entries.iter().any(|entry| entry.key.as_ref() == Some(key))).count();
-    // Which points belong to a share is the runner's to know; with all of them, there is nothing to ask.
     record.finished =
         ends.filter(|_| missing == 0 || record.sweep.as_ref().is_some_and(|s| s.shard.is_some()));
     let place = |key: &Option<String>| points.iter().position(|point| Some(point) == key.as_ref());

@@ -1,7 +1,7 @@
 //! A table for each variant, in colours.
 
 use super::course::{Course, History, Step};
-use crate::diff::{Verdict, shown};
+use crate::diff::{Change, Verdict, shown};
 use crate::figure::Figure;
 use anstyle::{AnsiColor, Style};
 use std::fmt::Write;
@@ -53,13 +53,12 @@ fn lines(text: &mut String, history: &History, course: &Course) {
             commit.subject
         );
         // What a single step does not show.
-        if let Some(since) = step.since.as_ref().filter(|since| since.change.verdict != Verdict::Same) {
-            let _ = write!(
-                text,
-                " ({} since {})",
-                shown(&since.change),
-                history.versions[since.version].commit.short()
-            );
+        let differs = |change: &Change| matches!(change.verdict, Verdict::Faster | Verdict::Slower);
+        if let Some(since) = step.since.as_ref().filter(|since| differs(&since.change))
+            && !step.change.as_ref().is_some_and(differs)
+        {
+            let first = history.versions[since.version].commit.short();
+            let _ = write!(text, " ({} since {first})", shown(&since.change));
         }
         while text.ends_with(' ') {
             text.pop();

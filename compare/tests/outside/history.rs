@@ -60,6 +60,8 @@ fn small_steps_add_up() {
     let history = json(&repository, &[]);
     let found = points(&history, "Wide4", "secondary_mrps");
     assert!(!found[1] && found[2..].contains(&true), "{found:?}");
+    let text = repository.compare(&["history"]);
+    assert!(stdout(&text).contains("% since "), "{}", stdout(&text));
 }
 
 #[test]
@@ -129,5 +131,5 @@ fn what_is_not_there_is_an_error() {
     let folder = repository.beside("outside");
     std::fs::create_dir(&folder).unwrap();
     let outside = compare_in(&folder, &["history"]);
-    assert!(stderr(&outside).contains("not a git repository"), "{}", stderr(&outside));
+    assert!(stderr(&outside).contains("in the working tree of a git repository"), "{}", stderr(&outside));
 }

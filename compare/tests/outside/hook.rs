@@ -476,5 +476,5 @@ fn outside_a_repository_an_error_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let output = compare_in(folder.path(), &["hook", "install"]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(stderr(&output).contains("not a git repository"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("in the working tree of a git repository"), "{}", stderr(&output));
 }
