@@ -5,7 +5,7 @@ use compare::plot::chart::{Body, Chart, Value};
 use compare::plot::draw::{Mark, draw};
 use compare::plot::{Arguments, Format, Kind, charts, png, records, svg};
 use compare::select::{Filter, REFERENCE, Selection};
-use record::{Point, Record, example};
+use record::{Parameters, Point, Record, Source, example};
 use std::fmt::Write;
 
 /// Two scenes with four variants; samples of one point differ a little.
@@ -313,6 +313,30 @@ fn charts_that_cannot_be_drawn_say_why() {
         assert!(found.charts.is_empty(), "{kind}");
         assert_eq!(found.remarks, [reason], "{kind}");
     }
+}
+
+#[test]
+fn sizes_of_one_scene_are_no_parameter_of_the_tree() {
+    let mut record = small();
+    record.results.retain(|point| point.scene.name == "sponza" && !point.variant.contains(' '));
+    let points = record.results.clone();
+    record.results.clear();
+    for size in 1..=3u32 {
+        for mut point in points.iter().cloned() {
+            point.scene.name = "sphereflake".into();
+            point.scene.triangles = 1000 * 10u64.pow(size);
+            point.scene.source = Source::Generator {
+                name: "sphereflake".into(),
+                parameters: Parameters([("depth".to_owned(), size.into())].into()),
+                sha256: None,
+            };
+            record.results.push(point);
+        }
+    }
+    let [cost] = &drawn(&record, Kind::Cost)[..] else { panic!() };
+    let Body::Planes(panels) = &cost.body else { panic!() };
+    assert!(panels.iter().all(|panel| panel.curves.iter().all(|curve| curve.places.len() == 3)), "{panels:?}");
+    assert!(drawn(&record, Kind::Sweep).is_empty());
 }
 
 fn arguments(record: &Record, folder: &std::path::Path) -> Arguments {

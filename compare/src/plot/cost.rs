@@ -3,14 +3,14 @@
 use super::chart::{Axis, Body, Chart, Curve, Place, Plane, Scale, Value, slug};
 use super::names::{flavour, flavours};
 use super::notes::{self, Found};
-use super::ratios::{settled, total};
+use super::ratios::{total, unvaried};
 use super::scenes::series_of_arities;
 use crate::select::{Entry, Selection};
 use record::Rays;
 
 /// One chart a flavour, with the variant `reference` in each.
 pub fn charts(selection: &Selection, reference: &str) -> Found {
-    let variants = settled(selection);
+    let variants = unvaried(selection);
     let mut sizes: Vec<u64> = selection.entries.iter().map(|entry| entry.point.scene.triangles).collect();
     sizes.sort_unstable();
     sizes.dedup();

@@ -25,6 +25,7 @@ pub fn join(records: &[Record]) -> anyhow::Result<Record> {
             point.parameters = other.parameters_of(&point);
             let known = joined.results.iter().any(|old| {
                 old.scene.name == point.scene.name
+                    && old.scene.parameters() == point.scene.parameters()
                     && old.variant == point.variant
                     && joined.parameters_of(old) == joined.parameters_of(&point)
             });

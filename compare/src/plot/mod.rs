@@ -154,8 +154,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
     let records: Vec<Record> = arguments.records.iter().map(load).collect::<Result<_, _>>()?;
     let joined = join::join(&records)?;
     let selection = Selection::filtered(&joined, &arguments.filter)?;
+    let unvaried = ratios::unvaried(&selection);
     let several: Vec<&str> =
-        selection.variants().into_iter().filter(|variant| selection.passes(variant).len() > 1).collect();
+        selection.variants().into_iter().filter(|variant| !unvaried.contains(variant)).collect();
     if !several.is_empty() {
         say(format_args!(
             "only in sweep, because measured with several sets of parameters: {}",

@@ -123,6 +123,15 @@ pub fn pairs<'r>(selection: &Selection<'r>, old: &str, new: &str) -> Vec<Option<
     selection.scenes().iter().map(pair).collect()
 }
 
+/// What parameters of a scene's generator begin with.
+pub const OF_SCENE: &str = "scene.";
+
+/// The variants whose points on a scene differ in nothing but the scene's size or make, in order.
+pub fn unvaried<'s>(selection: &'s Selection) -> Vec<&'s str> {
+    let only_scene = |variant: &&str| selection.axes(variant).iter().all(|name| name.starts_with(OF_SCENE));
+    selection.variants().into_iter().filter(only_scene).collect()
+}
+
 /// The variants that have one point on each scene, in order.
 pub fn settled<'s>(selection: &'s Selection) -> Vec<&'s str> {
     selection.variants().into_iter().filter(|variant| selection.passes(variant).len() == 1).collect()

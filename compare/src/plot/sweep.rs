@@ -3,7 +3,7 @@
 use super::chart::{Axis, Body, Chart, Curve, Place, Plane, Scale, Series, Value, slug};
 use super::names::{without, words};
 use super::notes::{self, Found};
-use super::ratios::{Pair, only, ratios};
+use super::ratios::{OF_SCENE, Pair, only, ratios};
 use super::theme::{Dash, Hatch, Look, Marker, Tone};
 use crate::figure::Figure;
 use crate::select::{Entry, Selection, geometric_mean, in_order, ratio};
@@ -51,6 +51,8 @@ pub fn charts(selection: &Selection) -> Found {
 fn varied(selection: &Selection) -> Vec<Varied> {
     let variants = selection.variants();
     let names = in_order(variants.iter().flat_map(|variant| selection.axes(variant)));
+    // What the size of a scene does is another picture: its rates have nothing in common.
+    let names = names.into_iter().filter(|name| !name.starts_with(OF_SCENE));
     let mut all: Vec<Varied> = Vec::new();
     for name in names {
         match all.iter_mut().find(|other| go_along(selection, &other.name, &name)) {

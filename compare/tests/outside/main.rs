@@ -8,6 +8,7 @@ mod history;
 mod hook;
 mod input;
 mod reference;
+mod report;
 mod reports;
 mod repository;
 mod shell;

@@ -1,9 +1,7 @@
 //! The page of `compare report`: its structure, that it is sound HTML, that it loads nothing, and that odd records
 //! neither break it nor get anything into it.
 
-mod common;
-
-use common::{compare_in, stderr, stdout, synthetic};
+use crate::common::{compare_in, stderr, stdout, synthetic};
 use compare::report::{Source, html};
 use compare::select::{Filter, REFERENCE};
 use record::{Record, Telemetry, Value, Verdict, example};
