@@ -1,7 +1,7 @@
 //! The points of a record, by scene, variant and pass.
 
 use crate::figure::Figure;
-use record::{Parameters, Point, Record, Value};
+use record::{OF_SCENE, Parameters, Point, Record, Value};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
@@ -16,7 +16,7 @@ pub struct Pass(pub BTreeMap<String, String>);
 impl Pass {
     /// The parameters that are not the scene's.
     fn of_variant(&self) -> impl Iterator<Item = (&String, &String)> {
-        self.0.iter().filter(|(name, _)| !name.starts_with("scene."))
+        self.0.iter().filter(|(name, _)| !name.starts_with(OF_SCENE))
     }
 }
 

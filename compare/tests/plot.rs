@@ -335,7 +335,10 @@ fn sizes_of_one_scene_are_no_parameter_of_the_tree() {
     }
     let [cost] = &drawn(&record, Kind::Cost)[..] else { panic!() };
     let Body::Planes(panels) = &cost.body else { panic!() };
-    assert!(panels.iter().all(|panel| panel.curves.iter().all(|curve| curve.places.len() == 3)), "{panels:?}");
+    assert!(
+        panels.iter().all(|panel| panel.curves.iter().all(|curve| curve.places.len() == 3)),
+        "{panels:?}"
+    );
     assert!(drawn(&record, Kind::Sweep).is_empty());
 }
 

@@ -4,7 +4,7 @@ use super::chart::Value;
 use crate::figure::Figure;
 use crate::select::{Entry, Selection, geometric_mean, ratio};
 use crate::stats::{Cell, Group, Middle, Random, intervals};
-use record::{Build, Point, Rays};
+use record::{Build, OF_SCENE, Point, Rays};
 
 /// An old point and a new one.
 pub type Pair<'r> = [&'r Point; 2];
@@ -122,9 +122,6 @@ pub fn pairs<'r>(selection: &Selection<'r>, old: &str, new: &str) -> Vec<Option<
     let pair = |scene: &&str| Some([only(selection, scene, old)?.point, only(selection, scene, new)?.point]);
     selection.scenes().iter().map(pair).collect()
 }
-
-/// What parameters of a scene's generator begin with.
-pub const OF_SCENE: &str = "scene.";
 
 /// The variants whose points on a scene differ in nothing but the scene's size or make, in order.
 pub fn unvaried<'s>(selection: &'s Selection) -> Vec<&'s str> {

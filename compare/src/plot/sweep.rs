@@ -3,10 +3,11 @@
 use super::chart::{Axis, Body, Chart, Curve, Place, Plane, Scale, Series, Value, slug};
 use super::names::{without, words};
 use super::notes::{self, Found};
-use super::ratios::{OF_SCENE, Pair, only, ratios};
+use super::ratios::{Pair, only, ratios};
 use super::theme::{Dash, Hatch, Look, Marker, Tone};
 use crate::figure::Figure;
 use crate::select::{Entry, Selection, geometric_mean, in_order, ratio};
+use record::OF_SCENE;
 use std::collections::BTreeMap;
 
 /// What the curves are, in the legend's order.

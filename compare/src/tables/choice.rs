@@ -6,9 +6,9 @@
 //! axes were crossed, a value is judged by the best that the others can make of it.
 
 use super::Input;
-use super::input::{SCENE, Shown};
+use super::input::Shown;
 use crate::select::{Entry, in_order, text};
-use record::{Rays, Value};
+use record::{OF_SCENE, Rays, Value};
 use std::collections::BTreeMap;
 
 /// What the values of one axis come to, for one variant.
@@ -64,7 +64,8 @@ pub fn concerned(axis: &str, otherwise: Rays) -> Rays {
 pub fn axes(source: &Shown) -> Vec<String> {
     let named = source.all.record.sweep.as_ref().map(|sweep| &sweep.axes).filter(|axes| !axes.is_empty());
     let varied = in_order(source.entries().map(Entry::variant)).into_iter().flat_map(|v| source.all.axes(v));
-    let varied: Vec<String> = in_order(varied).into_iter().filter(|name| !name.starts_with(SCENE)).collect();
+    let varied: Vec<String> =
+        in_order(varied).into_iter().filter(|name| !name.starts_with(OF_SCENE)).collect();
     match named {
         // In the sweep's order; one that has a single value is none.
         Some(named) => named.iter().filter(|axis| varied.contains(axis)).cloned().collect(),

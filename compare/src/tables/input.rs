@@ -1,7 +1,7 @@
 //! What tables are made of.
 
 use crate::select::{Entry, Filter, REFERENCE, Selection, differing, text};
-use record::{Parameters, Point, Rays, Record};
+use record::{OF_SCENE, Parameters, Point, Rays, Record};
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -93,14 +93,11 @@ impl<'r> Input<'r> {
 /// A scene with those of its generator's parameters that are to be told.
 fn named(point: &Point, told: &BTreeSet<String>) -> String {
     let own = point.scene.parameters();
-    let given = told.iter().filter_map(|name| Some((name.strip_prefix(SCENE)?, text(own.get(name)?))));
+    let given = told.iter().filter_map(|name| Some((name.strip_prefix(OF_SCENE)?, text(own.get(name)?))));
     let given: Vec<String> = given.map(|(name, value)| format!("{name}={value}")).collect();
     let name = &point.scene.name;
     if given.is_empty() { name.clone() } else { format!("{name} ({})", given.join(", ")) }
 }
-
-/// What parameters of a scene's generator begin with.
-pub const SCENE: &str = "scene.";
 
 /// Makes sure that a variant which others are to be relative to is there.
 ///

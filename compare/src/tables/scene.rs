@@ -1,10 +1,10 @@
 //! A table for each scene, with every variant: tables 13 to 17 of the thesis.
 
-use super::input::{SCENE, Shown};
+use super::input::Shown;
 use super::{Cell, Column, Content, Emphasis, Input, Row, Table};
 use crate::figure::{Better, Figure};
 use crate::select::{Entry, in_order};
-use record::Point;
+use record::{OF_SCENE, Point};
 use std::cmp::Ordering;
 
 /// A column: what is in it, its head, and how many digits after the point the thesis prints.
@@ -53,7 +53,7 @@ fn table(input: &Input, source: &Shown, scene: &str) -> Table {
         KINDS.iter().map(|kind| column(kind, &entries, source, &input.reference)).collect();
     // What the scene was given stands in the head.
     let pass = |entry: &Entry| {
-        let own = entry.pass.0.iter().filter(|(name, _)| !name.starts_with(SCENE));
+        let own = entry.pass.0.iter().filter(|(name, _)| !name.starts_with(OF_SCENE));
         let own: Vec<String> = own.map(|(name, value)| format!("{name}={value}")).collect();
         if own.is_empty() { String::new() } else { format!(" ({})", own.join(", ")) }
     };

@@ -41,8 +41,8 @@ pub use host::{Commit, Host, Tool};
 pub use kernel::{Kernel, OccupancyLimit};
 pub use parameters::{Parameters, Value};
 pub use point::{
-    Adaptation, Build, Count, Counters, Exclusion, Launch, Measurement, Phase, Point, Repetition, Sample,
-    Scene, Source, Stop, Tree, View,
+    Adaptation, Build, Count, Counters, Exclusion, Launch, Measurement, OF_SCENE, Phase, Point, Repetition,
+    Sample, Scene, Source, Stop, Tree, View,
 };
 pub use stability::{
     Hold, Inhibition, Policy, REPORT_VARIABLE, Report, Restoration, Stabilized, State, TOLERANCE,

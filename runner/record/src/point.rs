@@ -83,11 +83,14 @@ pub struct Scene {
     pub load_milliseconds: f64,
 }
 
+/// What names of parameters begin with that a scene's generator was given.
+pub const OF_SCENE: &str = "scene.";
+
 impl Scene {
     /// What its generator was given, as `scene.name`: what tells scenes of one name apart. Nothing of a file.
     pub fn parameters(&self) -> Parameters {
         let Source::Generator { parameters, .. } = &self.source else { return Parameters::default() };
-        let named = parameters.0.iter().map(|(name, value)| (format!("scene.{name}"), value.clone()));
+        let named = parameters.0.iter().map(|(name, value)| (format!("{OF_SCENE}{name}"), value.clone()));
         Parameters(named.collect())
     }
 }
