@@ -3,11 +3,12 @@
 //! ```text
 //!  git log --follow ─► version: the record in each commit
 //!                  └─► course: each variant's rates, the change from one version to the next, change points
-//!                          └─► terminal | JSON
+//!                          └─► terminal | JSON | plot
 //! ```
 
 mod course;
 mod find;
+mod plot;
 mod terminal;
 mod version;
 
@@ -15,6 +16,7 @@ pub use course::{Course, History, Step};
 pub use version::{Commit, Version};
 
 use crate::git::Git;
+use crate::plot::Format;
 use crate::select::Filter;
 use crate::{Exit, output};
 use anyhow::Context;
@@ -30,6 +32,9 @@ pub struct Arguments {
     /// Print it for scripts
     #[arg(long)]
     pub json: bool,
+    /// Draw it as well: SVG and PNG files in this folder, one of each for a variant
+    #[arg(long, value_name = "FOLDER")]
+    pub plot: Option<PathBuf>,
     /// Which points are followed.
     #[command(flatten)]
     pub filter: Filter,
@@ -43,7 +48,8 @@ such as of another driver, begin anew. Merges are left out; what they bring is i
 
 Examples:
   compare history out/record.json
-  compare history --variant 'Wide4*' --json";
+  compare history --variant 'Wide4*' --json
+  compare history --plot out/history";
 
 /// `compare history`.
 ///
@@ -62,6 +68,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
         output::print(&serde_json::to_string_pretty(&history)?)?;
     } else {
         output::print_coloured(&terminal::text(&history))?;
+    }
+    if let Some(folder) = &arguments.plot {
+        crate::plot::write(&plot::charts(&history), folder, Format::Both)?;
     }
     Ok(Exit::Done)
 }

@@ -118,6 +118,8 @@ pub struct Axis {
     pub scale: Scale,
     /// Where the ticks are; anywhere if there are none.
     pub ticks: Vec<f64>,
+    /// What is written at the ticks; their numbers if there is nothing.
+    pub names: Vec<String>,
     /// Values that must be on it, whatever the data.
     pub includes: Vec<f64>,
 }

@@ -36,6 +36,7 @@ fn chart(selection: &Selection, of: &str, variants: &[&str], reference: &str) ->
         title: title.to_owned(),
         scale: Scale::Logarithmic,
         ticks: Vec::new(),
+        names: Vec::new(),
         includes: Vec::new(),
     };
     let panels = [

@@ -184,16 +184,15 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
         "nothing of that can be drawn from {}; the lines above say why",
         arguments.records.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
     );
-    let files = write(&charts, &arguments.output, arguments.format)?;
-    say(format_args!("{files} files in {}", arguments.output.display()));
+    write(&charts, &arguments.output, arguments.format)?;
     Ok(Exit::Done)
 }
 
-/// Writes the charts into a folder, and tells how many files there are.
+/// Writes the charts into a folder, and says how many files there are.
 ///
 /// # Errors
 /// A picture cannot be made, or its file not written.
-pub fn write(charts: &[Chart], folder: &Path, format: Format) -> anyhow::Result<usize> {
+pub fn write(charts: &[Chart], folder: &Path, format: Format) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let mut files = 0;
@@ -211,5 +210,6 @@ pub fn write(charts: &[Chart], folder: &Path, format: Format) -> anyhow::Result<
             put("png", &draw::png(&sketch)?)?;
         }
     }
-    Ok(files)
+    say(format_args!("{files} files in {}", folder.display()));
+    Ok(())
 }

@@ -141,7 +141,13 @@ fn panel(title: &str, points: &[&Point]) -> Option<Plane> {
 }
 
 fn axis(title: &str, includes: impl Into<Vec<f64>>) -> Axis {
-    Axis { title: title.to_owned(), scale: Scale::Linear, ticks: Vec::new(), includes: includes.into() }
+    Axis {
+        title: title.to_owned(),
+        scale: Scale::Linear,
+        ticks: Vec::new(),
+        names: Vec::new(),
+        includes: includes.into(),
+    }
 }
 
 /// The number of each view's first sample.

@@ -55,6 +55,25 @@ fn change_points_are_marked() {
 }
 
 #[test]
+fn pictures_show_the_course() {
+    let repository = course(&[1.0, 1.0, 1.1, 1.1, 1.02]);
+    let output = repository.compare(&["history", "--plot", "out/history"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(stdout(&output).contains("Wide4, secondary MRps"), "{}", stdout(&output));
+    let mut marks = Vec::new();
+    for name in ["history-binary", "history-wide4"] {
+        assert!(repository.top.join(format!("out/history/{name}.png")).exists());
+        let svg = std::fs::read_to_string(repository.top.join(format!("out/history/{name}.svg"))).unwrap();
+        let history = json(&repository, &[]);
+        for version in history["versions"].as_array().unwrap() {
+            assert!(svg.contains(&version["hash"].as_str().unwrap()[..9]), "{version}");
+        }
+        marks.push(svg.matches("fill=\"#D55E00\"").count());
+    }
+    assert_eq!(marks[1], marks[0] + 2, "two change points, beside what the legend has");
+}
+
+#[test]
 fn small_steps_add_up() {
     let repository = course(&[1.0, 1.007, 1.014, 1.021]);
     let history = json(&repository, &[]);

@@ -18,7 +18,13 @@ impl Range {
     /// The part of a linear axis that has these values, with about so many ticks and ends on ticks.
     pub fn linear(values: impl IntoIterator<Item = f64>, count: usize) -> Range {
         Range::new(
-            &Axis { title: String::new(), scale: Scale::Linear, ticks: Vec::new(), includes: Vec::new() },
+            &Axis {
+                title: String::new(),
+                scale: Scale::Linear,
+                ticks: Vec::new(),
+                names: Vec::new(),
+                includes: Vec::new(),
+            },
             values,
             count,
             true,
@@ -30,10 +36,14 @@ impl Range {
         let mut values: Vec<f64> =
             values.into_iter().chain(axis.includes.iter().copied()).filter(|v| v.is_finite()).collect();
         values.sort_by(f64::total_cmp);
-        match axis.scale {
+        let mut range = match axis.scale {
             Scale::Linear => linear(&values, &axis.ticks, count, whole),
             Scale::Logarithmic => logarithmic(&values, &axis.ticks),
+        };
+        for ((_, text), name) in range.ticks.iter_mut().zip(&axis.names) {
+            text.clone_from(name);
         }
+        range
     }
 
     /// Where a value is: 0 at the beginning, 1 at the end.
@@ -162,7 +172,7 @@ mod tests {
     }
 
     fn axis(scale: Scale, ticks: &[f64]) -> Axis {
-        Axis { title: String::new(), scale, ticks: ticks.to_vec(), includes: Vec::new() }
+        Axis { title: String::new(), scale, ticks: ticks.to_vec(), names: Vec::new(), includes: Vec::new() }
     }
 
     #[test]
