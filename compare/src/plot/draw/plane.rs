@@ -114,9 +114,11 @@ fn curve_in(sketch: &mut Sketch, curve: &Curve, series: &[Series], area: Area, x
 
 /// Ticks with their numbers; one that would touch another's has none, but the first and the last have theirs.
 fn ticks_below(sketch: &mut Sketch, x: &Range, inner: Area, bottom: f64) {
+    // A long text at the last tick stays on the paper.
     let span = |tick: &(f64, String)| {
-        let (at, half) = (inner.across(x.share(tick.0)), font::width(&tick.1, SMALL) / 2.0 + 2.0);
-        [at - half, at + half]
+        let half = font::width(&tick.1, SMALL) / 2.0 + 2.0;
+        let middle = inner.across(x.share(tick.0)).min(WIDTH - half);
+        [middle - half, middle + half]
     };
     let last = x.ticks.len().saturating_sub(1);
     let end = x.ticks.last().map_or(f64::INFINITY, |tick| span(tick)[0]);
@@ -127,7 +129,8 @@ fn ticks_below(sketch: &mut Sketch, x: &Range, inner: Area, bottom: f64) {
         let [from, to] = span(tick);
         if from >= free && (index == last || to <= end) {
             let text = tick.1.clone();
-            sketch.text((at, bottom + 4.0 + SMALL / 2.0), Anchor::Middle, text, SMALL, Tone::Ink);
+            let middle = (from + to) / 2.0;
+            sketch.text((middle, bottom + 4.0 + SMALL / 2.0), Anchor::Middle, text, SMALL, Tone::Ink);
             free = to;
         }
     }
