@@ -3,7 +3,7 @@
 #![no_main]
 
 use clap::Parser;
-use compare::diff::{Named, commit, compare as compared, markdown, terminal};
+use compare::diff::{Named, Thresholds, commit, compare as compared, markdown, terminal};
 use compare::load::parse;
 use compare::plot;
 use compare::report::{Source, html};
@@ -28,7 +28,7 @@ fuzz_target!(|text: &[u8]| {
     let Ok(record) = parse(text, path) else { return };
     for (old, new) in [(&record, &*SOUND), (&*SOUND, &record), (&record, &record)] {
         let (old, new) = (Named::new(path, old), Named::new(path, new));
-        if let Ok(comparison) = compared(old, new, &Filter::default(), 0.01) {
+        if let Ok(comparison) = compared(old, new, &Filter::default(), Thresholds::default()) {
             let _ = (commit::text(&comparison), terminal::text(&comparison), markdown::text(&comparison));
             serde_json::to_string(&comparison).unwrap();
         }

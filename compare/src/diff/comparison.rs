@@ -1,7 +1,7 @@
 //! What a comparison holds; every format is made of it.
 
 use super::Named;
-use super::verdict::Verdict;
+use super::verdict::{Thresholds, Verdict};
 use crate::figure::{Better, Figure};
 use crate::select::Pass;
 use crate::stats::Interval;
@@ -14,8 +14,8 @@ pub struct Comparison {
     pub old: Side,
     /// The record from after.
     pub new: Side,
-    /// Changes below this share are as good as none.
-    pub threshold: f64,
+    /// Which changes are as good as none.
+    pub thresholds: Thresholds,
     /// Why the two should not be compared; empty where they may.
     pub obstacles: Vec<String>,
     /// What else to know.

@@ -3,7 +3,7 @@
 use super::cell::{FIGURES, cell};
 use super::comparison::{Change, Comparison, Line, Section};
 use super::pair::{Pair, Pairs};
-use super::verdict::Evidence;
+use super::verdict::{Evidence, Thresholds};
 use crate::figure::Figure;
 use crate::select::{Pass, in_order};
 use crate::stats::{Cell, Interval, Random, blocks, holm, intervals, p_values, permutations};
@@ -29,7 +29,7 @@ impl Comparison {
             families.par_iter().map(|family| family.evidence(most)).collect();
         correct(&mut measured);
         for (family, evidence) in families.iter().zip(&measured) {
-            let line = family.line(evidence, &scenes, self.threshold, self.tests);
+            let line = family.line(evidence, &scenes, self.thresholds, self.tests);
             match self.sections.last_mut() {
                 Some(last) if (last.variant.as_str(), &last.pass) == (family.variant, family.pass) => {
                     last.lines.push(line);
@@ -102,9 +102,9 @@ impl Family<'_> {
         evidence
     }
 
-    fn line(&self, evidence: &[Evidence], scenes: &[String], threshold: f64, tests: usize) -> Line {
+    fn line(&self, evidence: &[Evidence], scenes: &[String], thresholds: Thresholds, tests: usize) -> Line {
         let change = |evidence: &Evidence, cell: Option<&(&str, Cell)>| {
-            let (verdict, samples_needed) = evidence.verdict(threshold, tests);
+            let (verdict, samples_needed) = evidence.verdict(thresholds, tests);
             let figures = cell.map(|(_, cell)| cell.figures());
             Change {
                 scene: cell.map(|(scene, _)| scene.to_string()),
@@ -113,7 +113,7 @@ impl Family<'_> {
                 ratio: evidence.ratio,
                 interval: evidence.interval,
                 p: evidence.p,
-                significant: evidence.significant(),
+                significant: evidence.significant(thresholds),
                 verdict,
                 samples_needed,
             }

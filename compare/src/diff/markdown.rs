@@ -36,10 +36,10 @@ pub fn text(comparison: &Comparison) -> String {
             verdict(line.figure, change)
         );
     }
-    let threshold = Percent(comparison.threshold);
+    let [rates, builds] = [comparison.thresholds.rates, comparison.thresholds.builds].map(Percent);
     let _ = writeln!(
         text,
-        "\nMeans are geometric. Threshold {threshold}, p after Holm's correction over {} tests.",
+        "\nMeans are geometric. Threshold {rates}, of builds {builds}, p after Holm's correction over {} tests.",
         comparison.tests
     );
     for remark in &comparison.remarks {

@@ -8,20 +8,20 @@
 //! ```
 
 pub mod cell;
-mod commit;
+pub mod commit;
 mod comparison;
 mod judge;
-mod markdown;
+pub mod markdown;
 mod obstacle;
 pub mod pair;
 mod percent;
 mod remark;
-mod terminal;
+pub mod terminal;
 mod verdict;
 
 pub use comparison::{Change, Comparison, Line, Section, Side, label, shown};
-pub use percent::{Percent, THRESHOLD};
-pub use verdict::Verdict;
+pub use percent::Percent;
+pub use verdict::{Thresholds, Verdict};
 
 use crate::load::load;
 use crate::select::{Filter, Selection};
@@ -41,9 +41,12 @@ pub struct Arguments {
     /// How to say it
     #[arg(long, value_enum, default_value_t)]
     pub format: Format,
-    /// Changes below this are as good as none
-    #[arg(long, value_name = "PERCENT", default_value = "1%")]
+    /// Changes of rates below this are as good as none
+    #[arg(long, value_name = "PERCENT", default_value_t = Percent(Thresholds::default().rates))]
     pub threshold: Percent,
+    /// Changes of build times below this are as good as none, and by chance: runs differ more than their builds do
+    #[arg(long, value_name = "PERCENT", default_value_t = Percent(Thresholds::default().builds))]
+    pub build_threshold: Percent,
     /// Compare records of different devices, drivers, clocks or sizes too, and mark the output
     #[arg(long)]
     pub anyway: bool,
@@ -94,7 +97,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
     let (old, new) = rayon::join(|| load(&arguments.old), || load(&arguments.new));
     let (old, new) = (old?, new?);
     let sides = (Named::new(&arguments.old, &old), Named::new(&arguments.new, &new));
-    let comparison = compare(sides.0, sides.1, &arguments.filter, arguments.threshold.0)?;
+    let thresholds = Thresholds { rates: arguments.threshold.0, builds: arguments.build_threshold.0 };
+    let comparison = compare(sides.0, sides.1, &arguments.filter, thresholds)?;
     if !comparison.obstacles.is_empty() && !arguments.anyway {
         let obstacles = comparison.obstacles.join("\n  ");
         anyhow::bail!("not comparable:\n  {obstacles}\nWith --anyway they are compared all the same.");
@@ -135,7 +139,7 @@ impl<'r> Named<'r> {
 /// # Errors
 /// They have no point in common.
 pub fn commit_text(old: Named, new: Named) -> anyhow::Result<Option<String>> {
-    let comparison = compare(old, new, &Filter::default(), THRESHOLD)?;
+    let comparison = compare(old, new, &Filter::default(), Thresholds::default())?;
     Ok(comparison.obstacles.is_empty().then(|| commit::text(&comparison)))
 }
 
@@ -143,7 +147,12 @@ pub fn commit_text(old: Named, new: Named) -> anyhow::Result<Option<String>> {
 ///
 /// # Errors
 /// They have no point in common that the filter admits.
-pub fn compare(old: Named, new: Named, filter: &Filter, threshold: f64) -> anyhow::Result<Comparison> {
+pub fn compare(
+    old: Named,
+    new: Named,
+    filter: &Filter,
+    thresholds: Thresholds,
+) -> anyhow::Result<Comparison> {
     let selections = (Selection::filtered(old.record, filter)?, Selection::filtered(new.record, filter)?);
     let pairs = pair::pairs(&selections.0, &selections.1);
     anyhow::ensure!(
@@ -155,7 +164,7 @@ pub fn compare(old: Named, new: Named, filter: &Filter, threshold: f64) -> anyho
     Ok(Comparison {
         old: Side::of(old),
         new: Side::of(new),
-        threshold,
+        thresholds,
         obstacles: obstacle::obstacles(old.record, new.record, &pairs),
         remarks: remark::remarks(old.record, new.record, &pairs),
         tests: 0,

@@ -3,9 +3,6 @@
 use std::fmt;
 use std::str::FromStr;
 
-/// Changes below this share are as good as none, unless somebody says otherwise.
-pub const THRESHOLD: f64 = 0.01;
-
 /// A share, such as 0.01, written as `1%` or `1`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Percent(pub f64);

@@ -22,11 +22,12 @@ pub fn text(comparison: &Comparison) -> String {
     for remark in &comparison.remarks {
         let _ = writeln!(text, "{remark}");
     }
-    let threshold = Percent(comparison.threshold);
+    let [rates, builds] = [comparison.thresholds.rates, comparison.thresholds.builds].map(Percent);
     let _ = write!(
         text,
         "\npMRps, sMRps: million primary and secondary rays a second; build ms: all builds and sample rays of one view.\n\
-         ~: inside the noise; ?: too few samples to tell; means are geometric; threshold {threshold}."
+         ~: inside the noise; ?: too few samples to tell; means are geometric;\n\
+         threshold {rates}, of builds {builds}."
     );
     text
 }

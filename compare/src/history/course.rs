@@ -1,7 +1,7 @@
 //! How a rate went.
 
 use super::version::{Commit, Version};
-use crate::diff::{Change, Comparison, Named, THRESHOLD, Verdict, compare};
+use crate::diff::{Change, Comparison, Named, Thresholds, Verdict, compare};
 use crate::figure::Figure;
 use crate::select::{Filter, Pass, Selection, geometric_mean, in_order};
 use anyhow::bail;
@@ -244,7 +244,7 @@ impl Pairs<'_> {
             let (before, after) = (before.map_err(String::clone)?, after.map_err(String::clone)?);
             let old = Named::new(Path::new(&old.path), before);
             let new = Named::new(Path::new(&new.path), after);
-            compare(old, new, filter, THRESHOLD).map_err(|error| format!("{error:#}"))
+            compare(old, new, filter, Thresholds::default()).map_err(|error| format!("{error:#}"))
         })
     }
 

@@ -1,7 +1,7 @@
 //! The record that a commit brings, and the one before.
 
 use crate::change::{Change, changes};
-use crate::diff::{Named, commit_text, compare};
+use crate::diff::{Named, Thresholds, commit_text, compare};
 use crate::git::{Git, path};
 use crate::load::{is_record, parse};
 use crate::select::Filter;
@@ -145,7 +145,8 @@ fn against(old: Named, new: Named, said: &mut Said) -> Outcome {
             Outcome::Told
         }
         Ok(None) => {
-            let obstacles = compare(old, new, &Filter::default(), 0.0).map(|found| found.obstacles);
+            let obstacles =
+                compare(old, new, &Filter::default(), Thresholds::default()).map(|found| found.obstacles);
             said.remarks.push(format!(
                 "compare: {names} cannot be compared:\n  {}",
                 obstacles.unwrap_or_default().join("\n  ")

@@ -1,7 +1,7 @@
 //! Input that nobody expected: an error that names the file and the place, and never a panic.
 
 use crate::common::{compare_in, stderr, stdout, synthetic};
-use compare::diff::{Named, compare};
+use compare::diff::{Named, Thresholds, compare};
 use compare::select::Filter;
 use record::Record;
 use std::fs;
@@ -129,7 +129,7 @@ fn nothing_makes_it_panic() {
         let Ok(damaged) = Record::parse(&text, path) else { continue };
         if damaged.validate().is_ok() && random(20) == 0 {
             let side = Named::new(path, &damaged);
-            let _ = compare(side, side, &Filter::default(), 0.01);
+            let _ = compare(side, side, &Filter::default(), Thresholds::default());
             compared += 1;
         }
     }
