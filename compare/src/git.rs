@@ -2,12 +2,15 @@
 
 use anyhow::Context;
 use std::ffi::OsStr;
-use std::io::{ErrorKind, Read};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Output, Stdio};
 
 /// So many bytes of a blob tell whether the rest is wanted.
-const BEGINNING: usize = 512;
+const BEGINNING: u64 = 512;
+
+/// Up to so many bytes of an unwanted blob are read and dropped.
+const SKIPPED: u64 = 1 << 20;
 
 /// A working tree.
 #[derive(Clone, Debug)]
@@ -66,23 +69,9 @@ impl Git {
         Ok(text.lines().next().filter(|_| output.status.success()).map(String::from))
     }
 
-    /// The content of a blob, or nothing where its beginning is not wanted.
-    ///
-    /// # Errors
-    /// There is no such blob, or no `git`.
-    pub fn blob(&self, id: &str, wanted: impl Fn(&[u8]) -> bool) -> anyhow::Result<Option<Vec<u8>>> {
-        let mut child =
-            self.command(["cat-file", "blob", id]).stdout(Stdio::piped()).spawn().map_err(explained)?;
-        let read = read(&mut child, wanted);
-        if !matches!(read, Ok(Some(_))) {
-            // It may have more to say, which nobody wants to hear.
-            let _ = child.kill();
-        }
-        let status = child.wait()?;
-        match read? {
-            Some(_) if !status.success() => anyhow::bail!("git has no blob {id}"),
-            content => Ok(content),
-        }
+    /// For reading blobs.
+    pub fn blobs(&self) -> Blobs<'_> {
+        Blobs { git: self, reader: None }
     }
 
     fn ended<S: AsRef<OsStr>>(&self, arguments: impl IntoIterator<Item = S>) -> anyhow::Result<Output> {
@@ -103,16 +92,72 @@ fn explained(error: std::io::Error) -> anyhow::Error {
     }
 }
 
-fn read(child: &mut Child, wanted: impl Fn(&[u8]) -> bool) -> anyhow::Result<Option<Vec<u8>>> {
-    let mut content = Vec::new();
-    let Some(mut out) = child.stdout.take() else { return Ok(None) };
-    out.by_ref().take(BEGINNING as u64).read_to_end(&mut content)?;
-    // An empty one is a blob that does not exist, too: its end tells.
-    if !content.is_empty() && !wanted(&content) {
-        return Ok(None);
+/// Reads blobs, all by one process of git: to start one for each takes longer than to read it.
+pub struct Blobs<'g> {
+    git: &'g Git,
+    reader: Option<Reader>,
+}
+
+/// A `git cat-file --batch`, which ends with what it is told.
+struct Reader {
+    child: Child,
+    ask: ChildStdin,
+    answers: BufReader<ChildStdout>,
+}
+
+impl Drop for Reader {
+    fn drop(&mut self) {
+        // It has no more to say that anybody wants to hear.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
-    out.read_to_end(&mut content)?;
-    Ok(Some(content))
+}
+
+impl Blobs<'_> {
+    /// The content of a blob, or nothing where its beginning is not wanted.
+    ///
+    /// # Errors
+    /// There is no such blob, or no `git`.
+    pub fn get(&mut self, id: &str, wanted: impl Fn(&[u8]) -> bool) -> anyhow::Result<Option<Vec<u8>>> {
+        let mut reader = match self.reader.take() {
+            Some(reader) => reader,
+            None => Reader::start(self.git)?,
+        };
+        writeln!(reader.ask, "{id}").context("git has ended early")?;
+        // `<id> blob <size>`, the content, and an empty line.
+        let mut head = String::new();
+        reader.answers.read_line(&mut head)?;
+        let size = head.trim_end().rsplit_once(" blob ").and_then(|(_, size)| size.parse::<u64>().ok());
+        let size = size.with_context(|| format!("git has no blob {id}"))?;
+        let mut content = Vec::new();
+        let begins = size.min(BEGINNING);
+        reader.answers.by_ref().take(begins).read_to_end(&mut content)?;
+        if !content.is_empty() && !wanted(&content) {
+            // To skip little is quicker than to start anew.
+            if size <= SKIPPED {
+                std::io::copy(&mut reader.answers.by_ref().take(size - begins + 1), &mut std::io::sink())?;
+                self.reader = Some(reader);
+            }
+            return Ok(None);
+        }
+        reader.answers.by_ref().take(size - begins).read_to_end(&mut content)?;
+        anyhow::ensure!(content.len() as u64 == size, "git ended in the middle of blob {id}");
+        reader.answers.read_exact(&mut [0])?;
+        self.reader = Some(reader);
+        Ok(Some(content))
+    }
+}
+
+impl Reader {
+    fn start(git: &Git) -> anyhow::Result<Reader> {
+        let mut command = git.command(["cat-file", "--batch"]);
+        // What it says to stderr comes in its answers too, and nobody would empty a pipe.
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut child = command.spawn().map_err(explained)?;
+        let (ask, answers) = (child.stdin.take(), child.stdout.take());
+        let (ask, answers) = ask.zip(answers).context("git has no input or output")?;
+        Ok(Reader { child, ask, answers: BufReader::new(answers) })
+    }
 }
 
 /// A name in bytes, as git has it.

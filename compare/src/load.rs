@@ -76,7 +76,7 @@ pub fn is_record(text: &[u8]) -> bool {
         }
         text.trim_ascii_start().first().is_some_and(u8::is_ascii_digit)
     };
-    if !text.trim_ascii_start().starts_with(b"{") {
+    if !is_object(text) {
         return false;
     }
     journal::is_journal(text)
@@ -85,6 +85,11 @@ pub fn is_record(text: &[u8]) -> bool {
             // What cannot be read as JSON is a record if it begins like one.
             Err(_) => begins(),
         }
+}
+
+/// Whether this is the beginning of an object in JSON, as records and journals are.
+pub fn is_object(text: &[u8]) -> bool {
+    text.trim_ascii_start().starts_with(b"{")
 }
 
 fn told(problems: &[Problem]) -> impl fmt::Display {

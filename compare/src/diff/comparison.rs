@@ -87,6 +87,8 @@ pub struct Change {
     pub p: Option<f64>,
     /// Whether chance is a poor explanation.
     pub significant: bool,
+    /// Whether it is unclear because there are too few samples, so that nothing could be significant.
+    pub too_few: bool,
     /// What comes of it.
     pub verdict: Verdict,
     /// Of what is unclear, about how many samples of each view would tell; absent where none or too many would.
@@ -127,11 +129,6 @@ impl Change {
     pub fn share(&self) -> f64 {
         self.ratio - 1.0
     }
-
-    /// Whether nobody can tell if chance explains it.
-    pub fn unknown(&self) -> bool {
-        self.interval.is_none() || self.p.is_none()
-    }
 }
 
 impl Line {
@@ -155,12 +152,13 @@ impl Comparison {
         self.sections.iter().flat_map(lines)
     }
 
+    /// Of how many changes for the worse, by more than a share, there are too few samples to tell.
+    pub fn undecided(&self, allowed: f64) -> usize {
+        self.changes().filter(|(_, line, change)| change.too_few && loss(line, change) > allowed).count()
+    }
+
     /// What became significantly slower by more than a share, in words.
     pub fn regressions(&self, allowed: f64) -> Vec<String> {
-        let loss = |line: &Line, change: &Change| match line.figure.better() {
-            Better::High => -change.share(),
-            _ => change.share(),
-        };
         let slower =
             self.changes().filter(|(_, line, change)| change.significant && loss(line, change) > allowed);
         slower
@@ -173,6 +171,14 @@ impl Comparison {
                 format!("{variant}, {scene}: {} {:+.2}%", label(line.figure), 100.0 * change.share())
             })
             .collect()
+    }
+}
+
+/// By what share it became worse.
+fn loss(line: &Line, change: &Change) -> f64 {
+    match line.figure.better() {
+        Better::High => -change.share(),
+        _ => change.share(),
     }
 }
 
@@ -193,7 +199,7 @@ pub fn label(figure: Figure) -> &'static str {
 pub fn shown(change: &Change) -> String {
     let percent = 100.0 * change.share();
     match change {
-        _ if change.unknown() => format!("{percent:+.2}%?"),
+        _ if change.too_few => format!("{percent:+.2}%?"),
         _ if !change.significant => "~".into(),
         _ => format!("{percent:+.2}%"),
     }

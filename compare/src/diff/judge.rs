@@ -3,10 +3,10 @@
 use super::cell::{FIGURES, cell};
 use super::comparison::{Change, Comparison, Line, Section};
 use super::pair::{Pair, Pairs};
-use super::verdict::{Evidence, Thresholds};
+use super::verdict::{Evidence, Thresholds, Verdict};
 use crate::figure::Figure;
 use crate::select::{Pass, in_order};
-use crate::stats::{Cell, Interval, Random, blocks, holm, intervals, p_values, permutations};
+use crate::stats::{Cell, Interval, Random, blocks, holm, intervals, least_p, p_values, permutations};
 use rayon::prelude::*;
 
 impl Comparison {
@@ -23,11 +23,10 @@ impl Comparison {
             }
         }
         families.retain(|family| !family.cells.is_empty());
-        self.tests = families.iter().map(Family::tests).sum();
-        let most = permutations(self.tests);
+        let most = permutations(families.iter().map(Family::tests).sum());
         let mut measured: Vec<Vec<Evidence>> =
             families.par_iter().map(|family| family.evidence(most)).collect();
-        correct(&mut measured);
+        self.tests = correct(&mut measured);
         for (family, evidence) in families.iter().zip(&measured) {
             let line = family.line(evidence, &scenes, self.thresholds, self.tests);
             match self.sections.last_mut() {
@@ -86,6 +85,8 @@ impl Family<'_> {
                 p: p.as_ref().map(|p| p.cells[at]).filter(|_| each[at].is_some()),
                 variance: joined[at].variance(),
                 samples: cells[at].least(),
+                groups: cells[at].groups.len(),
+                least_p: least_p(joined[at].groups.iter()),
             })
             .collect();
         if self.has_mean() {
@@ -97,6 +98,8 @@ impl Family<'_> {
                 p: p.map(|p| p.mean).filter(|_| mean.is_some()),
                 variance: variances.map(|all| all.iter().sum::<f64>() / (count * count)),
                 samples: cells.iter().map(|cell| cell.least()).min().unwrap_or(0),
+                groups: cells.iter().map(|cell| cell.groups.len()).sum(),
+                least_p: least_p(joined.iter().flat_map(|cell| &cell.groups)),
             });
         }
         evidence
@@ -114,6 +117,7 @@ impl Family<'_> {
                 interval: evidence.interval,
                 p: evidence.p,
                 significant: evidence.significant(thresholds),
+                too_few: verdict == Verdict::Unclear && evidence.too_few(tests),
                 verdict,
                 samples_needed,
             }
@@ -128,11 +132,12 @@ impl Family<'_> {
     }
 }
 
-/// Holm's correction over all p-values there are.
-fn correct(families: &mut [Vec<Evidence>]) {
+/// Holm's correction over all p-values there are, and their number.
+fn correct(families: &mut [Vec<Evidence>]) -> usize {
     let raw: Vec<f64> = families.iter().flatten().filter_map(|evidence| evidence.p).collect();
     let mut adjusted = holm(&raw).into_iter();
     for evidence in families.iter_mut().flatten().filter(|evidence| evidence.p.is_some()) {
         evidence.p = adjusted.next();
     }
+    raw.len()
 }

@@ -20,6 +20,7 @@ pub mod terminal;
 mod verdict;
 
 pub use comparison::{Change, Comparison, Line, Section, Side, label, shown};
+use pair::Pairs;
 pub use percent::Percent;
 pub use verdict::{Thresholds, Verdict};
 
@@ -50,7 +51,8 @@ pub struct Arguments {
     /// Compare records of different devices, drivers, clocks or sizes too, and mark the output
     #[arg(long)]
     pub anyway: bool,
-    /// End with status 3 if something is significantly slower by more than this
+    /// End with status 3 if something is significantly slower by more than this; build times below
+    /// --build-threshold never are
     #[arg(long, value_name = "PERCENT")]
     pub fail_on_regression: Option<Percent>,
     /// Which points are compared.
@@ -110,6 +112,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
         Format::Json => output::print(&serde_json::to_string_pretty(&comparison)?)?,
     }
     let Some(Percent(allowed)) = arguments.fail_on_regression else { return Ok(Exit::Done) };
+    match comparison.undecided(allowed) {
+        0 => {}
+        count => say(format_args!(
+            "too few samples to tell of {count} changes whether they are slower by more than {}",
+            Percent(allowed)
+        )),
+    }
     let regressions = comparison.regressions(allowed);
     if regressions.is_empty() {
         return Ok(Exit::Done);
@@ -134,13 +143,17 @@ impl<'r> Named<'r> {
     }
 }
 
-/// The text for a commit's message, of two records that make sense: nothing where they may not be compared.
+/// The text for a commit's message, of two records that make sense, or why they may not be compared.
 ///
 /// # Errors
 /// They have no point in common.
-pub fn commit_text(old: Named, new: Named) -> anyhow::Result<Option<String>> {
-    let comparison = compare(old, new, &Filter::default(), Thresholds::default())?;
-    Ok(comparison.obstacles.is_empty().then(|| commit::text(&comparison)))
+pub fn commit_text(old: Named, new: Named) -> anyhow::Result<Result<String, Vec<String>>> {
+    paired(old, new, &Filter::default(), Thresholds::default(), |comparison, pairs| {
+        match comparison.obstacles.is_empty() {
+            true => Ok(commit::text(&comparison.judged(pairs))),
+            false => Err(comparison.obstacles),
+        }
+    })
 }
 
 /// Compares two records that make sense. Whether they may be compared stands in the result's `obstacles`.
@@ -153,6 +166,17 @@ pub fn compare(
     filter: &Filter,
     thresholds: Thresholds,
 ) -> anyhow::Result<Comparison> {
+    paired(old, new, filter, thresholds, Comparison::judged)
+}
+
+/// What `then` makes of a comparison that has no sections yet.
+fn paired<T>(
+    old: Named,
+    new: Named,
+    filter: &Filter,
+    thresholds: Thresholds,
+    then: impl FnOnce(Comparison, &Pairs) -> T,
+) -> anyhow::Result<T> {
     let selections = (Selection::filtered(old.record, filter)?, Selection::filtered(new.record, filter)?);
     let pairs = pair::pairs(&selections.0, &selections.1);
     anyhow::ensure!(
@@ -161,7 +185,7 @@ pub fn compare(
         old.path.display(),
         new.path.display()
     );
-    Ok(Comparison {
+    let comparison = Comparison {
         old: Side::of(old),
         new: Side::of(new),
         thresholds,
@@ -169,6 +193,6 @@ pub fn compare(
         remarks: remark::remarks(old.record, new.record, &pairs),
         tests: 0,
         sections: Vec::new(),
-    }
-    .judged(&pairs))
+    };
+    Ok(then(comparison, &pairs))
 }

@@ -13,8 +13,8 @@ impl FromStr for Percent {
     fn from_str(text: &str) -> Result<Percent, String> {
         let number = text.strip_suffix('%').unwrap_or(text).trim().parse::<f64>();
         match number {
-            Ok(percent) if (0.0..100.0).contains(&percent) => Ok(Percent(percent / 100.0)),
-            _ => Err("not a percentage from 0 to below 100, such as 1%".into()),
+            Ok(percent) if (0.0..=1e6).contains(&percent) => Ok(Percent(percent / 100.0)),
+            _ => Err("not a percentage from 0 on, such as 1%".into()),
         }
     }
 }
@@ -32,12 +32,14 @@ mod tests {
 
     #[test]
     fn percentages_are_read_with_and_without_their_sign() {
-        for (text, share) in [("1%", 0.01), ("1", 0.01), ("0.5 %", 0.005), ("0", 0.0), ("7%", 0.07)] {
+        for (text, share) in
+            [("1%", 0.01), ("1", 0.01), ("0.5 %", 0.005), ("0", 0.0), ("7%", 0.07), ("150%", 1.5)]
+        {
             let percent: Percent = text.parse().unwrap();
             assert!((percent.0 - share).abs() < 1e-15, "{text}");
             assert_eq!(percent.to_string(), format!("{}%", text.trim_end_matches('%').trim()));
         }
-        for text in ["", "%", "-1%", "100%", "NaN", "inf", "one"] {
+        for text in ["", "%", "-1%", "NaN", "inf", "one"] {
             assert!(text.parse::<Percent>().is_err(), "{text}");
         }
     }

@@ -14,7 +14,8 @@ pub struct Thresholds {
     pub rates: f64,
     /// Of the time of builds. It stands for chance, too: all builds of a run share where its memory lies, so that two
     /// runs of one program differ by more than their builds do. Two runs on an H100 differed by up to 2.4%, and by
-    /// 4.2% where sample rays are traced; their rates by 0.4% (reports/h100).
+    /// 4.2% where sample rays are traced; their rates by 0.4% (reports/h100: first.json,
+    /// again.json).
     pub builds: f64,
 }
 
@@ -71,6 +72,10 @@ pub struct Evidence {
     pub variance: Option<f64>,
     /// Samples that each view has, at least.
     pub samples: usize,
+    /// The groups whose samples change sides in the test, such as views.
+    pub groups: usize,
+    /// The smallest p that so many samples can have.
+    pub least_p: f64,
 }
 
 impl Evidence {
@@ -81,6 +86,13 @@ impl Evidence {
         self.p.is_some_and(|p| p < SIGNIFICANT)
             && self.interval.as_ref().is_some_and(leaves_out_none)
             && (self.figure != Figure::Total || self.beyond(thresholds))
+    }
+
+    /// Whether there are too few samples to tell: none, or so few that nothing could be significant among so many
+    /// tests, however large it is.
+    pub fn too_few(&self, tests: usize) -> bool {
+        let possible = self.least_p * (tests.max(1) as f64) < SIGNIFICANT;
+        self.interval.is_none() || self.p.is_none_or(|p| p >= SIGNIFICANT && !possible)
     }
 
     fn beyond(&self, thresholds: Thresholds) -> bool {
@@ -99,7 +111,11 @@ impl Evidence {
         if self.interval.as_ref().is_some_and(within) {
             return (Verdict::Same, None);
         }
-        let goal = if beyond { Goal::Change { tests } } else { Goal::NoneAbove((1.0 + threshold).ln()) };
+        let goal = if beyond {
+            Goal::Change { tests, groups: self.groups }
+        } else {
+            Goal::NoneAbove((1.0 + threshold).ln())
+        };
         let needed =
             self.variance.and_then(|variance| samples(goal, self.ratio.ln(), variance, self.samples));
         (Verdict::Unclear, needed)
@@ -113,7 +129,7 @@ mod tests {
     fn evidence(figure: Figure, ratio: f64, half_width: f64, p: f64) -> Evidence {
         let interval = Some(Interval { low: ratio - half_width, high: ratio + half_width });
         let variance = Some((half_width / 2.0).powi(2));
-        Evidence { figure, ratio, interval, p: Some(p), variance, samples: 10 }
+        Evidence { figure, ratio, interval, p: Some(p), variance, samples: 10, groups: 4, least_p: 1e-9 }
     }
 
     fn verdict(evidence: Evidence) -> Verdict {

@@ -2,7 +2,7 @@
 
 use crate::change::changes;
 use crate::git::Git;
-use crate::load::is_record;
+use crate::load::{is_object, is_record};
 use anyhow::bail;
 use std::path::PathBuf;
 
@@ -25,13 +25,13 @@ pub fn newest(git: &Git) -> anyhow::Result<PathBuf> {
         "-z",
         "--format=",
     ])?;
+    let mut blobs = git.blobs();
     for change in changes(&raw) {
         let Some(id) = change.new else { continue };
         if !git.top.join(&change.path).is_file() {
             continue;
         }
-        let is_object = |text: &[u8]| text.trim_ascii_start().starts_with(b"{");
-        if git.blob(&id, is_object)?.is_some_and(|text| is_record(&text)) {
+        if blobs.get(&id, is_object)?.is_some_and(|text| is_record(&text)) {
             return Ok(change.path);
         }
     }

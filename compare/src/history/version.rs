@@ -62,6 +62,7 @@ pub fn versions(git: &Git, path: &Path) -> anyhow::Result<Vec<Version>> {
     // A name with * or : is a name.
     let arguments = ["--literal-pathspecs"].iter().chain(&options).map(OsStr::new).chain([path.as_os_str()]);
     let log = git.output(arguments)?;
+    let mut blobs = git.blobs();
     let mut fields = log.split(|&byte| byte == 0);
     let (mut versions, mut commit): (Vec<Version>, Option<Commit>) = (Vec::new(), None);
     while let Some(field) = fields.next() {
@@ -73,7 +74,7 @@ pub fn versions(git: &Git, path: &Path) -> anyhow::Result<Vec<Version>> {
         // A new name alone is no measurement, and nor is being away.
         let Some(id) = change.new.filter(|new| change.old.as_ref() != Some(new)) else { continue };
         let Some(commit) = commit.take() else { continue };
-        let record = match git.blob(&id, |_| true)? {
+        let record = match blobs.get(&id, |_| true)? {
             Some(text) => {
                 parse(&text, &change.path).map_err(|error| format!("{:#}", anyhow::Error::new(error)))
             }

@@ -29,10 +29,11 @@ pub struct Arguments {
 }
 
 const HELP: &str = "\
-The hook looks for records and journals of sweeps among what a commit adds or changes, by their content. It takes the
-newest and compares it with the one that it replaces: the version in HEAD of the same path, or of an added one the
-newest earlier record of the same device, first of the same folder, then of any other. It leaves merges, amends,
-squashes, fixups, rebases, cherry-picks and reverts alone, and never makes a commit fail.
+The hook looks for records and journals of sweeps among what a commit adds or changes, by their
+content. It takes the newest and compares it with the one that it replaces: the version in HEAD of
+the same path, or of an added one the newest earlier record of the same device, first of the same
+folder, then of any other. It leaves merges, amends, squashes, fixups, rebases, cherry-picks and
+reverts alone, and never makes a commit fail.
 
 A former prepare-commit-msg hook runs first, and `uninstall` puts it back.";
 

@@ -1,16 +1,15 @@
 //! The record that a commit brings, and the one before.
 
 use crate::change::{Change, changes};
-use crate::diff::{Named, Thresholds, commit_text, compare};
-use crate::git::{Git, path};
-use crate::load::{is_record, parse};
-use crate::select::Filter;
+use crate::diff::{Named, commit_text};
+use crate::git::{Blobs, Git, path};
+use crate::load::{is_object, is_record, parse};
 use record::{Record, Timestamp};
 use serde::Deserialize;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// So many records that cannot be compared are tried before giving up.
+/// So many records are tried before giving up: to read one can take a second.
 const TRIED: usize = 8;
 
 /// What a commit's message gets.
@@ -32,10 +31,11 @@ pub fn said(git: &Git) -> anyhow::Result<Said> {
     // Before the first commit there is nothing to compare with.
     let Some(head) = head else { return Ok(said) };
     let raw = git.output(["diff-index", "--cached", "--raw", "--no-abbrev", "-z", "-M", &head, "--"])?;
+    let mut blobs = git.blobs();
     let mut brought = Vec::new();
     for change in changes(&raw) {
         let Some(id) = change.new.clone().filter(|_| change.new != change.old) else { continue };
-        let Some(text) = git.blob(&id, is_object)?.filter(|text| is_record(text)) else { continue };
+        let Some(text) = blobs.get(&id, is_object)?.filter(|text| is_record(text)) else { continue };
         match parse(&text, &change.path) {
             Ok(record) => brought.push((change, record)),
             Err(error) => said.remarks.push(format!("compare: {:#}", anyhow::Error::new(error))),
@@ -45,8 +45,8 @@ pub fn said(git: &Git) -> anyhow::Result<Said> {
     let (change, record) = brought.swap_remove(newest);
     let new = Named::new(&change.path, &record);
     match &change.old {
-        Some(id) => replaced(git, &change, id, new, &mut said)?,
-        None => added(git, &head, new, &mut said)?,
+        Some(id) => replaced(&mut blobs, &change, id, new, &mut said)?,
+        None => added(git, &mut blobs, &head, new, &mut said)?,
     }
     if !brought.is_empty() && said.text.is_some() {
         let others: Vec<String> =
@@ -61,9 +61,9 @@ pub fn said(git: &Git) -> anyhow::Result<Said> {
 }
 
 /// A record that another version of the same file was before.
-fn replaced(git: &Git, change: &Change, id: &str, new: Named, said: &mut Said) -> anyhow::Result<()> {
+fn replaced(blobs: &mut Blobs, change: &Change, id: &str, new: Named, said: &mut Said) -> anyhow::Result<()> {
     let path = in_head(&change.old_path);
-    let Some(text) = git.blob(id, |_| true)? else { return Ok(()) };
+    let Some(text) = blobs.get(id, |_| true)? else { return Ok(()) };
     match parse(&text, &path) {
         Ok(old) => {
             against(Named::new(&path, &old), new, said);
@@ -79,10 +79,10 @@ fn replaced(git: &Git, change: &Change, id: &str, new: Named, said: &mut Said) -
 
 /// A record that was not there before: the newest earlier one of the same device that can be compared with it, first
 /// of those in its folder, then of the others.
-fn added(git: &Git, head: &str, new: Named, said: &mut Said) -> anyhow::Result<()> {
+fn added(git: &Git, blobs: &mut Blobs, head: &str, new: Named, said: &mut Said) -> anyhow::Result<()> {
     let mut earlier = Vec::new();
     for (path, id) in likely(git, head, new.path)? {
-        let Some(text) = git.blob(&id, is_object)? else { continue };
+        let Some(text) = blobs.get(&id, is_object)? else { continue };
         let Some(brief) = Brief::of(&text) else { continue };
         if brief.device.name == new.record.device.name && brief.started < new.record.started {
             earlier.push((path.parent() == new.path.parent(), brief.started, path, id));
@@ -90,8 +90,8 @@ fn added(git: &Git, head: &str, new: Named, said: &mut Said) -> anyhow::Result<(
     }
     earlier.sort();
     let mut obstacles = Vec::new();
-    for (_, _, path, id) in earlier.into_iter().rev() {
-        let Some(text) = git.blob(&id, |_| true)? else { continue };
+    for (_, _, path, id) in earlier.into_iter().rev().take(TRIED) {
+        let Some(text) = blobs.get(&id, |_| true)? else { continue };
         let path = in_head(&path);
         let Ok(old) = parse(&text, &path) else { continue };
         let mut one = Said::default();
@@ -104,9 +104,6 @@ fn added(git: &Git, head: &str, new: Named, said: &mut Said) -> anyhow::Result<(
             // Others may have measured the same scenes.
             Outcome::Unrelated => {}
             Outcome::Obstacles => obstacles.append(&mut one.remarks),
-        }
-        if obstacles.len() >= TRIED {
-            break;
         }
     }
     if obstacles.is_empty() {
@@ -139,18 +136,13 @@ enum Outcome {
 fn against(old: Named, new: Named, said: &mut Said) -> Outcome {
     let names = format!("{} against {}", new.path.display(), old.path.display());
     match commit_text(old, new) {
-        Ok(Some(text)) => {
+        Ok(Ok(text)) => {
             said.text = Some(text);
             said.remarks.push(format!("compare: {names}"));
             Outcome::Told
         }
-        Ok(None) => {
-            let obstacles =
-                compare(old, new, &Filter::default(), Thresholds::default()).map(|found| found.obstacles);
-            said.remarks.push(format!(
-                "compare: {names} cannot be compared:\n  {}",
-                obstacles.unwrap_or_default().join("\n  ")
-            ));
+        Ok(Err(obstacles)) => {
+            said.remarks.push(format!("compare: {names} cannot be compared:\n  {}", obstacles.join("\n  ")));
             Outcome::Obstacles
         }
         Err(error) => {
@@ -207,9 +199,4 @@ impl Brief {
 /// When a record was measured.
 fn when(record: &Record) -> Timestamp {
     record.started
-}
-
-/// Whether this is the beginning of an object in JSON.
-fn is_object(text: &[u8]) -> bool {
-    text.trim_ascii_start().starts_with(b"{")
 }

@@ -95,6 +95,20 @@ impl Cell {
     }
 }
 
+/// The smallest p that exchanging the values of groups between sides can give: that of the most extreme of all ways
+/// to deal them, and of its mirror image where both sides have as many.
+pub fn least_p<'g>(groups: impl Iterator<Item = &'g Group> + Clone) -> f64 {
+    let ways: f64 = groups.clone().map(|group| ways(group.old.len(), group.new.len())).product();
+    let mirrored = groups.clone().all(|group| group.old.len() == group.new.len());
+    (if mirrored { 2.0 } else { 1.0 } / ways).min(1.0)
+}
+
+/// In how many ways values can be dealt to two sides that get so many.
+pub fn ways(old: usize, new: usize) -> f64 {
+    let (few, all) = (old.min(new), (old + new) as f64);
+    (0..few).fold(1.0, |ways, taken| ways * (all - taken as f64) / (taken as f64 + 1.0))
+}
+
 /// The variance of values, of which there are at least two.
 fn variance(values: &[f64]) -> f64 {
     let mean = Middle::Mean.of(values);
@@ -126,6 +140,8 @@ mod tests {
         // Of the old side 2 / 2 samples · (0.5 / 4)², of the new one 12 / 3 · (0.5 / 8)².
         assert_eq!(cell.variances().unwrap()[..2], [(1.0 / 64.0, 1.0), (4.0 / 256.0, 2.0)]);
         assert_eq!(cell.variance(), Some(1.0 / 32.0));
+        // 10 ways for the first group and 6 for the second.
+        assert_eq!(least_p(cell.groups.iter()), 1.0 / 60.0);
         cell.middle = Middle::Median;
         assert_eq!(cell.figures(), [4.0, 7.0]);
         cell.groups[1].old.pop();

@@ -23,7 +23,7 @@ mod permutation;
 mod power;
 mod random;
 
-pub use cell::{Cell, Group, Middle};
+pub use cell::{Cell, Group, Middle, least_p, ways};
 pub use holm::holm;
 pub use interval::{Interval, LEVEL, intervals};
 pub use permutation::{PValues, p_values, permutations};

@@ -40,8 +40,8 @@ pub fn p_values(cells: &[Cell], most: usize, random: &mut Random) -> Option<PVal
     if cells.is_empty() {
         return None;
     }
-    let studentized = cells.iter().all(|cell| cell.least() >= 2);
-    let mut decks: Vec<Deck> = cells.iter().map(|cell| Deck::new(cell, studentized)).collect();
+    // Of single values nobody knows how they scatter.
+    let mut decks: Vec<Deck> = cells.iter().map(|cell| Deck::new(cell, cell.least() >= 2)).collect();
     let exact: Vec<Option<f64>> = decks.iter_mut().map(Deck::exact).collect();
     let measured: Vec<Change> = decks.iter().map(Deck::change).collect();
     let mut tallies: Vec<Tally> = measured.iter().map(|change| Tally::new(change.size())).collect();
@@ -100,7 +100,7 @@ impl Tally {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Group, Middle};
+    use super::super::{Group, Middle, least_p};
     use super::*;
 
     fn cell(groups: &[(&[f64], &[f64])]) -> Cell {
@@ -118,6 +118,24 @@ mod tests {
         let found = p(&[cell(&[(&[10.0, 10.1, 10.2], &[20.0, 20.1, 20.2])])]);
         assert_eq!(found.cells, [2.0 / 20.0]);
         assert_eq!(found.mean, 0.1);
+    }
+
+    #[test]
+    fn the_smallest_p_is_reached() {
+        for (old, new) in
+            [(&[10.0, 10.1, 10.2][..], &[20.0, 20.1, 20.2][..]), (&[1.0, 1.1], &[2.0, 2.1, 2.2])]
+        {
+            let cell = cell(&[(old, new), (old, new)]);
+            let least = least_p(cell.groups.iter());
+            assert!((p(std::slice::from_ref(&cell)).cells[0] - least).abs() < 1e-12, "{least}");
+        }
+    }
+
+    #[test]
+    fn a_single_sample_elsewhere_changes_no_other_p() {
+        let scattered = cell(&[(&[10.0, 10.3, 10.1, 10.2], &[10.9, 13.0, 9.0, 12.0])]);
+        let single = cell(&[(&[10.0], &[11.0]), (&[10.0], &[11.0])]);
+        assert_eq!(p(&[scattered.clone(), single]).cells[0], p(&[scattered]).cells[0]);
     }
 
     #[test]

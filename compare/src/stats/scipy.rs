@@ -110,7 +110,7 @@ fn corrections_for_many_tests() {
 fn numbers_of_samples() {
     for Plan { effect, tests, number } in values().samples {
         let now = 10;
-        let found = samples(Goal::Change { tests }, effect, 2.0 / now as f64, now).unwrap();
+        let found = samples(Goal::Change { tests, groups: 1 }, effect, 2.0 / now as f64, now).unwrap();
         // statsmodels counts the chance of a significant change in the wrong direction too, which is next to none.
         near(found as f64, number.ceil(), 1.0, "samples");
     }

@@ -228,3 +228,29 @@ fn thresholds_must_be_percentages() {
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
     }
 }
+
+#[test]
+fn few_samples_hide_no_change() {
+    let few = |factor: f64| {
+        let mut record = old();
+        record.results.truncate(1);
+        record.results[0].views.truncate(1);
+        record.results[0].build.repetitions.truncate(3);
+        let point = &mut record.results[0];
+        point.views[0].samples.truncate(3);
+        point.build.repetitions.iter_mut().for_each(|one| one.milliseconds *= factor);
+        for launch in point.views[0].samples.iter_mut().flat_map(|sample| &mut sample.depths) {
+            launch.milliseconds *= factor;
+        }
+        record
+    };
+    let output = diff(&few(1.0), &few(2.0), &["--format", "commit", "--fail-on-regression", "2%"]);
+    let text = stdout(&output);
+    assert!(text.contains("pMRps: -50.00%? in scene sponza"), "{text}");
+    assert!(text.contains("build ms: +100.00%? in scene sponza"), "{text}");
+    assert!(text.contains("?: too few samples to tell") && !text.contains('~'), "{text}");
+    assert_eq!(output.status.code(), Some(0));
+    let told = stderr(&output);
+    assert!(told.contains("too few samples to tell of 3 changes"), "{told}");
+    assert!(stdout(&diff(&few(1.0), &few(2.0), &[])).contains("about 5 samples a view would tell"));
+}
