@@ -1,5 +1,6 @@
 //! `compare csv`: values for spreadsheets, pandas and R. docs/compare.md says what the columns are.
 
+use crate::estimate::estimate;
 use crate::figure::Figure;
 use crate::select::{Entry, Filter, Selection, in_order, text};
 use crate::tables::check_reference;
@@ -134,7 +135,7 @@ fn line(
             None => figure.of(point),
             Some(reference) => all.relative(entry, reference, figure),
         },
-        half_width: rays.and_then(|rays| point.estimate(rays)).map(|estimate| estimate.half_width()),
+        half_width: rays.and_then(|rays| estimate(point, rays)).map(|estimate| estimate.half_width()),
     }
 }
 

@@ -9,6 +9,7 @@ pub mod args;
 pub mod change;
 pub mod csv;
 pub mod diff;
+pub mod estimate;
 pub mod figure;
 pub mod git;
 pub mod help;

@@ -10,16 +10,38 @@ pub const FIGURES: [Figure; 3] = [Figure::Primary, Figure::Secondary, Figure::To
 
 /// The values behind a figure, from the views that both points have; nothing where one side has no such values.
 pub fn cell(figure: Figure, pair: &Pair) -> Option<Cell> {
-    let (old, new) = (pair.old.point, pair.new.point);
+    of_points(figure, pair.old.point, pair.new.point)
+}
+
+/// The same of two points of any variants. A variant that goes by view samples and builds again, which takes no time
+/// where another one does not.
+pub fn of_variants(figure: Figure, old: &Point, new: &Point) -> Option<Cell> {
+    if figure != Figure::Total || old.variant == new.variant {
+        return of_points(figure, old, new);
+    }
+    match (goes_by_view(old), goes_by_view(new)) {
+        (false, true) => builds_against(old, new),
+        (true, false) => {
+            let Cell { middle, groups } = builds_against(new, old)?;
+            Some(Cell { middle, groups: groups.into_iter().map(Group::exchanged).collect() })
+        }
+        _ => of_points(figure, old, new),
+    }
+}
+
+fn of_points(figure: Figure, old: &Point, new: &Point) -> Option<Cell> {
     let cell = match figure {
         Figure::Primary => rates(Rays::Primary, old, new)?,
         Figure::Secondary => rates(Rays::Secondary, old, new)?,
         Figure::Total => builds(old, new)?,
         _ => return None,
     };
-    let sound =
-        |values: &[f64]| !values.is_empty() && values.iter().all(|value| value.is_normal() && *value > 0.0);
     cell.groups.iter().all(|group| sound(&group.old) && sound(&group.new)).then_some(cell)
+}
+
+/// Whether statistics can be made of values.
+fn sound(values: &[f64]) -> bool {
+    !values.is_empty() && values.iter().all(|value| value.is_normal() && *value > 0.0)
 }
 
 /// The views that both points have.
@@ -47,7 +69,6 @@ fn rates(rays: Rays, old: &Point, new: &Point) -> Option<Cell> {
 /// The time before a picture's first ray is that of the build and, where the variant goes by view, the mean over
 /// views of tracing sample rays and building again (see [`Figure::Total`]).
 fn builds(old: &Point, new: &Point) -> Option<Cell> {
-    let times = |build: &Build| build.repetitions.iter().map(|repetition| repetition.milliseconds).collect();
     let mut by_view = (Vec::new(), Vec::new());
     let common = common_views(old, new);
     for (old, new) in &common {
@@ -60,7 +81,8 @@ fn builds(old: &Point, new: &Point) -> Option<Cell> {
         by_view.0.push(Group { weight: 1.0, old: sampling(old), new: sampling(new) });
         by_view.1.push(Group { weight: 1.0, old: times(&old.build), new: times(&new.build) });
     }
-    if !by_view.0.is_empty() && by_view.0.len() != common.len() {
+    let by_any = [old, new].iter().any(|point| goes_by_view(point));
+    if by_any && (common.is_empty() || by_view.0.len() != common.len()) {
         return None;
     }
     let mut groups = vec![Group { weight: 1.0, old: times(&old.build), new: times(&new.build) }];
@@ -69,6 +91,44 @@ fn builds(old: &Point, new: &Point) -> Option<Cell> {
         groups.append(&mut views);
     }
     Some(Cell { middle: Middle::Median, groups })
+}
+
+/// The same where only the new point goes by view.
+fn builds_against(old: &Point, new: &Point) -> Option<Cell> {
+    let first = Group { weight: 1.0, old: times(&old.build), new: times(&new.build) };
+    let by_view = by_view(new)?;
+    let known = sound(&first.old) && sound(&first.new) && by_view.iter().all(|(_, values)| sound(values));
+    let more = by_view.into_iter().map(|(weight, values)| Group::against(0.0, weight, values));
+    known.then(|| Cell { middle: Middle::Median, groups: std::iter::once(first).chain(more).collect() })
+}
+
+/// The time before a picture's first ray of one point, against a millisecond.
+pub fn total(point: &Point) -> Option<Cell> {
+    let by_view = by_view(point)?;
+    let first = times(&point.build);
+    let known = sound(&first) && by_view.iter().all(|(_, values)| sound(values));
+    let more = by_view.into_iter().map(|(weight, values)| Group::against(0.0, weight, values));
+    let groups = std::iter::once(Group::against(1.0, 1.0, first)).chain(more).collect();
+    known.then_some(Cell { middle: Middle::Median, groups })
+}
+
+/// Whether a point's tree goes by view.
+fn goes_by_view(point: &Point) -> bool {
+    point.views.iter().any(|view| view.adaptation.is_some())
+}
+
+/// What a point's views take each, sampling and build, with how much that counts; nothing where only some do.
+fn by_view(point: &Point) -> Option<Vec<(f64, Vec<f64>)>> {
+    let adaptations: Vec<_> = point.views.iter().filter_map(|view| view.adaptation.as_ref()).collect();
+    let share = 1.0 / adaptations.len() as f64;
+    let each = |a: &record::Adaptation| [(share, a.sampling_milliseconds.clone()), (share, times(&a.build))];
+    (adaptations.is_empty() || adaptations.len() == point.views.len())
+        .then(|| adaptations.into_iter().flat_map(each).collect())
+}
+
+/// The milliseconds of each repetition.
+fn times(build: &Build) -> Vec<f64> {
+    build.repetitions.iter().map(|repetition| repetition.milliseconds).collect()
 }
 
 /// Lets groups count alike.
@@ -96,6 +156,28 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn what_only_one_variant_does_takes_the_other_no_time() {
+        let record = example();
+        let [binary, by_view] = &record.results[..] else { panic!() };
+        for (old, new) in [(binary, by_view), (by_view, binary)] {
+            let found = of_variants(Figure::Total, old, new).unwrap().figures();
+            let expected = [old, new].map(|point| Figure::Total.of(point).unwrap());
+            for (found, expected) in found.into_iter().zip(expected) {
+                assert!((found - expected).abs() < 1e-9, "{found}, {expected}");
+            }
+        }
+        let mut lacking = by_view.clone();
+        lacking.views[0].adaptation = None;
+        assert_eq!(
+            of_variants(Figure::Total, by_view, &lacking),
+            None,
+            "one variant goes by view or does not"
+        );
+        lacking.views[0].name = "another".into();
+        assert_eq!(of_variants(Figure::Total, by_view, &lacking), None, "no view in common");
     }
 
     #[test]

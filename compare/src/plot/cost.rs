@@ -5,6 +5,7 @@ use super::names::{flavour, flavours};
 use super::notes::{self, Found};
 use super::ratios::{total, unvaried};
 use super::scenes::series_of_arities;
+use crate::estimate::estimate;
 use crate::select::{Entry, Selection};
 use record::Rays;
 
@@ -105,7 +106,7 @@ fn build(entry: &Entry) -> Option<Value> {
 /// Nanoseconds: a thousand over million rays a second. The ends of the interval are those of the rate's.
 fn of_a_ray(entry: &Entry, rays: Rays) -> Option<Value> {
     let nanoseconds = |mrps: f64| 1e3 / mrps;
-    let interval = entry.point.estimate(rays).and_then(|estimate| {
+    let interval = estimate(entry.point, rays).and_then(|estimate| {
         let [low, high] = [estimate.mean - estimate.half_width(), estimate.mean + estimate.half_width()];
         (low > 0.0).then(|| [nanoseconds(high), nanoseconds(low)])
     });

@@ -1,10 +1,11 @@
 //! How one variant compares with another, on each scene and over all.
 
 use super::chart::Value;
+use crate::diff::cell::{self, FIGURES};
 use crate::figure::Figure;
 use crate::select::{Entry, Selection, geometric_mean, ratio};
-use crate::stats::{Cell, Group, Middle, Random, intervals};
-use record::{Build, OF_SCENE, Point, Rays};
+use crate::stats::{Cell, Random, intervals_of_samples};
+use record::{OF_SCENE, Point};
 
 /// An old point and a new one.
 pub type Pair<'r> = [&'r Point; 2];
@@ -18,17 +19,20 @@ pub struct Ratios {
     pub mean: Option<Value>,
 }
 
-/// The ratios of a figure, with intervals where it is a rate and there are samples enough.
+/// The ratios of a figure, with intervals where it is a rate or a time and there are samples enough.
 pub fn ratios(pairs: &[Option<Pair>], figure: Figure) -> Ratios {
-    let values: Vec<Option<f64>> = pairs
-        .iter()
-        .map(|pair| pair.and_then(|[old, new]| ratio(figure.of(new)?, figure.of(old)?)))
-        .collect();
     let cells: Vec<Option<Cell>> =
-        pairs.iter().map(|pair| pair.and_then(|[old, new]| cell(old, new, figure))).collect();
+        pairs.iter().map(|pair| pair.and_then(|[old, new]| cell::of_variants(figure, old, new))).collect();
+    let values: Vec<Option<f64>> = if FIGURES.contains(&figure) {
+        // Of the views that both points have, as the interval is.
+        cells.iter().map(|cell| Some(cell.as_ref()?.log_ratio().exp())).collect()
+    } else {
+        let ratio = |[old, new]: Pair| ratio(figure.of(new)?, figure.of(old)?);
+        pairs.iter().map(|pair| pair.and_then(ratio)).collect()
+    };
     let known: Vec<Cell> = cells.iter().flatten().cloned().collect();
     // The same pictures from the same record, whenever they are drawn.
-    let (found, of_mean) = intervals(&known, &mut Random::named("plot"));
+    let (found, of_mean) = intervals_of_samples(&known, &mut Random::named("plot"));
     let mut found = found.into_iter();
     let each: Vec<Option<Value>> = values
         .iter()
@@ -46,66 +50,10 @@ pub fn ratios(pairs: &[Option<Pair>], figure: Figure) -> Ratios {
 
 /// The milliseconds until a picture's first ray, with how sure they are.
 pub fn total(point: &Point) -> Option<Value> {
-    let mut groups = builds(point, |weight, new| Group { weight, old: vec![0.0; 2], new });
-    groups.first_mut()?.old = vec![1.0; 2];
-    // The ratio to a millisecond.
-    let cell = [Cell { middle: Middle::Median, groups }];
-    let interval = sound(&cell[0]).then(|| intervals(&cell, &mut Random::named("plot")).1).flatten();
-    Some(Value { value: Figure::Total.of(point)?, interval: interval.map(|i| [i.low, i.high]) })
-}
-
-fn cell(old: &Point, new: &Point, figure: Figure) -> Option<Cell> {
-    let cell = match figure {
-        Figure::Primary => rates(old, new, Rays::Primary),
-        Figure::Secondary => rates(old, new, Rays::Secondary),
-        // What one side has and the other has not, such as sampling, is 0 there: a figure is the sum.
-        Figure::Total => {
-            let mut groups = builds(old, |weight, old| Group { weight, old, new: vec![0.0; 2] });
-            groups.extend(builds(new, |weight, new| Group { weight, old: vec![0.0; 2], new }));
-            Some(Cell { middle: Middle::Median, groups })
-        }
-        _ => None,
-    };
-    cell.filter(sound)
-}
-
-/// Whether statistics can be made of it: there are values, and they make two positive figures.
-fn sound(cell: &Cell) -> bool {
-    cell.least() > 0 && cell.figures().iter().all(|figure| figure.is_finite() && *figure > 0.0)
-}
-
-/// The times of all builds of a point and of its sampling, as groups.
-fn builds(point: &Point, group: impl Fn(f64, Vec<f64>) -> Group) -> Vec<Group> {
-    let times = |build: &Build| build.repetitions.iter().map(|repetition| repetition.milliseconds).collect();
-    let adaptations: Vec<_> = point.views.iter().filter_map(|view| view.adaptation.as_ref()).collect();
-    let share = 1.0 / adaptations.len().max(1) as f64;
-    let mut groups = vec![group(1.0, times(&point.build))];
-    for adaptation in adaptations {
-        groups.push(group(share, times(&adaptation.build)));
-        groups.push(group(share, adaptation.sampling_milliseconds.clone()));
-    }
-    groups
-}
-
-/// The rates of two points by view; nothing where they have different views, or only one has such rays.
-fn rates(old: &Point, new: &Point, rays: Rays) -> Option<Cell> {
-    if old.views.len() != new.views.len() {
-        return None;
-    }
-    let mut groups = Vec::new();
-    for view in &old.views {
-        let same = new.views.iter().find(|other| other.name == view.name)?;
-        let group = Group { weight: 1.0, old: view.rates(rays), new: same.rates(rays) };
-        match (group.old.is_empty(), group.new.is_empty()) {
-            // The view has no such rays, and no part in the mean.
-            (true, true) => {}
-            (false, false) => groups.push(group),
-            _ => return None,
-        }
-    }
-    let share = 1.0 / groups.len() as f64;
-    groups.iter_mut().for_each(|group| group.weight = share);
-    Some(Cell { middle: Middle::Mean, groups })
+    let interval = cell::total(point)
+        .and_then(|cell| intervals_of_samples(&[cell], &mut Random::named("plot")).1)
+        .map(|interval| [interval.low, interval.high]);
+    Some(Value { value: Figure::Total.of(point)?, interval })
 }
 
 /// The point of a variant that has no more than one on each scene: of a variant that was measured with several
@@ -132,4 +80,84 @@ pub fn unvaried<'s>(selection: &'s Selection) -> Vec<&'s str> {
 /// The variants that have one point on each scene, in order.
 pub fn settled<'s>(selection: &'s Selection) -> Vec<&'s str> {
     selection.variants().into_iter().filter(|variant| selection.passes(variant).len() == 1).collect()
+}
+
+/// The points of some variants and of the reference.
+pub fn of_variants<'s, 'r>(
+    selection: &'s Selection<'r>,
+    variants: &'s [&str],
+    reference: &'s str,
+) -> impl Iterator<Item = &'r Point> + 's {
+    let is = move |entry: &&Entry| entry.variant() == reference || variants.contains(&entry.variant());
+    selection.entries.iter().filter(is).map(|entry| entry.point)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diff::pair::Pair as Compared;
+    use crate::stats::intervals;
+    use record::{Launch, Record, Sample, example};
+
+    /// Rates of a view by the number of the sample.
+    fn view(point: &mut Point, name: &str, rate: impl Fn(u32) -> f64) {
+        let mut view = point.views[0].clone();
+        let launch = |mrps: f64| Launch { rays: 1_000_000, milliseconds: 1e3 / mrps };
+        let sample = |at| Sample { depths: vec![launch(rate(at)); 2], ..Sample::default() };
+        (view.name, view.samples) = (name.into(), (0..20).map(sample).collect());
+        point.views.push(view);
+    }
+
+    fn record(views: &[(&str, f64)], phase: f64) -> Record {
+        let mut record = example();
+        record.results.truncate(1);
+        for (name, rate) in views {
+            view(&mut record.results[0], name, |at| rate + (f64::from(at) / 3.0 + phase).sin());
+        }
+        record.results[0].views.remove(0);
+        record
+    }
+
+    #[test]
+    fn neighbours_that_resemble_each_other_widen_intervals() {
+        let (old, new) = (record(&[("east", 100.0)], 0.0), record(&[("east", 100.0)], 1.0));
+        let pair: Pair = [&old.results[0], &new.results[0]];
+        let [low, high] = ratios(&[Some(pair)], Figure::Primary).each[0].unwrap().interval.unwrap();
+        let cell = cell::of_variants(Figure::Primary, pair[0], pair[1]).unwrap();
+        let blind = intervals(&[cell], &mut Random::named("plot")).1.unwrap();
+        assert!(high - low > 1.3 * (blind.high - blind.low), "[{low}, {high}], {blind:?}");
+    }
+
+    #[test]
+    fn repetitions_that_resemble_each_other_widen_the_interval_of_a_build() {
+        let mut point = example().results.swap_remove(0);
+        let repetition = point.build.repetitions[0].clone();
+        let noise = |at: usize| 1.0 + 0.1 * (at * 7 % 11) as f64;
+        let mut width = |times: Vec<f64>| {
+            point.build.repetitions = times
+                .iter()
+                .map(|&milliseconds| record::Repetition { milliseconds, ..repetition.clone() })
+                .collect();
+            let [low, high] = total(&point).unwrap().interval.unwrap();
+            high - low
+        };
+        let twice = width((0..40).map(|at| noise(at / 2)).collect());
+        let once = width((0..40).map(noise).collect());
+        assert!(twice > 1.1 * once, "{twice}, {once}");
+    }
+
+    /// As `compare diff` does: what differs between views is no change.
+    #[test]
+    fn only_views_that_both_have_are_compared() {
+        let old = record(&[("east", 100.0), ("west", 900.0)], 0.0);
+        let new = record(&[("east", 110.0)], 0.0);
+        let drawn = ratios(&[Some([&old.results[0], &new.results[0]])], Figure::Primary).each[0].unwrap();
+        let selections = [&old, &new].map(Selection::new);
+        let pair = Compared { old: &selections[0].entries[0], new: &selections[1].entries[0] };
+        let told = cell::cell(Figure::Primary, &pair).unwrap().log_ratio().exp();
+        assert_eq!(drawn.value, told);
+        assert!((told - 1.1).abs() < 1e-3 && drawn.interval.is_some_and(|[low, _]| low > 1.05), "{drawn:?}");
+        let other = record(&[("north", 110.0)], 0.0);
+        assert_eq!(ratios(&[Some([&old.results[0], &other.results[0]])], Figure::Primary).each, [None]);
+    }
 }

@@ -5,6 +5,7 @@ use super::number::{gap, plus_minus, ratio, short};
 use super::provenance::provenance;
 use super::summary::{better, interval};
 use super::trust;
+use crate::estimate::estimate;
 use crate::figure::Figure;
 use crate::select::Entry;
 use maud::{Markup, html};
@@ -130,5 +131,5 @@ fn half_width(point: &Point, figure: Figure) -> Option<f64> {
         Figure::Secondary => Rays::Secondary,
         _ => return None,
     };
-    Some(point.estimate(rays)?.relative_half_width()).filter(|share| share.is_finite())
+    Some(estimate(point, rays)?.relative_half_width()).filter(|share| share.is_finite())
 }

@@ -1,6 +1,7 @@
 //! Where a number of a point comes from: how many samples, and between what it lies.
 
 use super::number::{count, grouped};
+use crate::estimate::estimate;
 use crate::figure::Figure;
 use record::{Point, Rays};
 
@@ -47,7 +48,7 @@ fn rate(point: &Point, rays: Rays) -> String {
             count(point.views.len(), "view")
         ),
     };
-    match point.estimate(rays) {
+    match estimate(point, rays) {
         Some(estimate) => {
             let [low, high] = [-1.0, 1.0].map(|sign| estimate.mean + sign * estimate.half_width());
             format!("{samples}; 95% interval {} to {} MRps", precise(low), precise(high))

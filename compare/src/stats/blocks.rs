@@ -4,7 +4,7 @@
 //! values are cut into runs of neighbours, and the middles of these runs are resampled in their place (Carlstein
 //! 1986: blocks that do not overlap). That also bounds the time that a record of many samples takes.
 
-use super::{Cell, Group};
+use super::{Cell, Group, Middle};
 
 /// So many blocks of a group and side are enough: with more, an interval is hardly narrower (Student's t of 30
 /// degrees of freedom is 4% above the normal distribution), and resampling takes longer.
@@ -24,6 +24,12 @@ pub fn joined(cell: &Cell) -> Cell {
         Group { weight: group.weight, old: cut(&group.old), new: cut(&group.new) }
     };
     Cell { middle: cell.middle, groups: cell.groups.iter().map(join).collect() }
+}
+
+/// The same of groups that have one side: each with blocks for its values.
+pub fn alone(groups: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    let groups = groups.into_iter().map(|values| Group::against(1.0, 1.0, values)).collect();
+    joined(&Cell { middle: Middle::Mean, groups }).groups.into_iter().map(|group| group.new).collect()
 }
 
 /// Cuts values into as many pieces of this length as there can be, some of them longer by what is left.
@@ -54,7 +60,8 @@ fn correlation(groups: &[Group]) -> f64 {
         products += values.windows(2).map(|pair| (pair[0] - mean) * (pair[1] - mean)).sum::<f64>();
         let own = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
         squares += own;
-        pairs += n - 1.0;
+        // Values that are all the same, such as those of a side that is 1 by definition, tell nothing.
+        pairs += if own > 0.0 { n - 1.0 } else { 0.0 };
         // Around their own mean, n independent values correlate by -1 / n.
         bias += own / n;
     }
@@ -67,7 +74,7 @@ fn correlation(groups: &[Group]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Middle, Random};
+    use super::super::Random;
     use super::*;
 
     fn cell(old: Vec<f64>, new: Vec<f64>) -> Cell {
@@ -90,6 +97,18 @@ mod tests {
         assert_eq!(lengths, [6, 3]);
         let [whole, joined] = [cell(wave(40), wave(20)), blocks].map(|cell| cell.figures()[0]);
         assert!((whole - joined).abs() < 0.05, "blocks differ in length by one");
+    }
+
+    #[test]
+    fn a_side_that_is_always_the_same_tells_nothing_of_neighbours() {
+        let values: Vec<f64> = (0..15).map(|i| 100.0 + (f64::from(i) / 2.0).sin()).collect();
+        let both = correlation(&cell(values.clone(), values.clone()).groups);
+        let one = correlation(&cell(vec![1.0; 15], values).groups);
+        assert!(both > 0.0 && (one - both).abs() < 1e-12, "{both}, {one}");
+        // So weak a correlation of 15 values is chance, whatever stands on the other side.
+        let mut random = Random::named("weak 3");
+        let noise: Vec<f64> = (0..15).map(|_| 100.0 + random.normal()).collect();
+        assert_eq!(alone(vec![noise.clone()]), [noise]);
     }
 
     #[test]

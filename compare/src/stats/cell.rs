@@ -42,7 +42,21 @@ pub struct Group {
     pub new: Vec<f64>,
 }
 
-/// A figure on both sides: the weighted sum of its groups' middles. All values are positive.
+impl Group {
+    /// Values that only the new side has; on the old one there is this in their place, as often, so that neighbours
+    /// can be joined.
+    pub fn against(constant: f64, weight: f64, new: Vec<f64>) -> Group {
+        Group { weight, old: vec![constant; new.len()], new }
+    }
+
+    /// The same with its sides exchanged.
+    pub fn exchanged(self) -> Group {
+        Group { weight: self.weight, old: self.new, new: self.old }
+    }
+}
+
+/// A figure on both sides: the weighted sum of its groups' middles. All values are positive, but for the constants of
+/// [`Group::against`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
     /// The middle.

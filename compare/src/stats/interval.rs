@@ -1,6 +1,6 @@
 //! Between which ratios the true one lies.
 
-use super::{Cell, Middle, Random};
+use super::{Cell, Middle, Random, blocks};
 use record::stats::quantile;
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -22,6 +22,13 @@ pub struct Interval {
     pub high: f64,
 }
 
+impl Interval {
+    /// The interval of a ratio whose logarithm is larger by this.
+    pub fn moved(self, shift: f64) -> Interval {
+        Interval { low: self.low * shift.exp(), high: self.high * shift.exp() }
+    }
+}
+
 /// The interval of each cell's ratio and that of their geometric mean. Nothing where a group has fewer than two
 /// values on a side, or where there are so few altogether that nobody can tell.
 ///
@@ -39,7 +46,22 @@ pub fn intervals(cells: &[Cell], random: &mut Random) -> (Vec<Option<Interval>>,
     with_resamples(RESAMPLES, cells, random)
 }
 
-/// The same with another number of resamples.
+/// The same of samples in the order measured: neighbours that resemble each other are joined first (see [`blocks`]).
+pub fn intervals_of_samples(
+    cells: &[Cell],
+    random: &mut Random,
+) -> (Vec<Option<Interval>>, Option<Interval>) {
+    let joined: Vec<Cell> = cells.iter().map(blocks::joined).collect();
+    // Blocks differ in length by one, so their mean may differ a little from that of all values.
+    let shifts: Vec<f64> =
+        cells.iter().zip(&joined).map(|(cell, joined)| cell.log_ratio() - joined.log_ratio()).collect();
+    let (each, mean) = intervals(&joined, random);
+    let each = each.into_iter().zip(&shifts).map(|(interval, shift)| Some(interval?.moved(*shift)));
+    let of_mean = shifts.iter().sum::<f64>() / shifts.len() as f64;
+    (each.collect(), mean.map(|interval| interval.moved(of_mean)))
+}
+
+/// The same as [`intervals`] with another number of resamples.
 pub fn with_resamples(
     count: usize,
     cells: &[Cell],
@@ -90,14 +112,14 @@ fn widened(values: &[f64], middle: Middle) -> Vec<f64> {
 /// The interval of the mean over cells, of which these are the resampled logarithms.
 fn interval(cells: &[Cell], resampled: Vec<f64>) -> Option<Interval> {
     let estimate = cells.iter().map(Cell::log_ratio).sum::<f64>() / cells.len() as f64;
-    let tail = tail(cells)?;
+    let tail = tail(cells, resampled.len())?;
     let [low, high] = bca(estimate, resampled, acceleration(cells), tail);
     Some(Interval { low: low.exp(), high: high.exp() })
 }
 
 /// Where to cut off at each end: a probability, below 2.5% by what Student's t is wider than the normal
-/// distribution. Nothing where that is further out than resamples reach.
-fn tail(cells: &[Cell]) -> Option<f64> {
+/// distribution. Nothing where that is further out than so many resamples reach.
+fn tail(cells: &[Cell], resamples: usize) -> Option<f64> {
     let variances: Vec<(f64, f64)> = cells.iter().map(Cell::variances).collect::<Option<Vec<_>>>()?.concat();
     let sum: f64 = variances.iter().map(|(variance, _)| variance).sum();
     if sum <= 0.0 {
@@ -109,7 +131,7 @@ fn tail(cells: &[Cell]) -> Option<f64> {
         return None;
     }
     let tail = normal().cdf(-quantile((1.0 + LEVEL) / 2.0, freedom));
-    (tail * RESAMPLES as f64 >= TAIL).then_some(tail)
+    (tail * resamples as f64 >= TAIL).then_some(tail)
 }
 
 /// Both ends of the interval that leaves `tail` out on each side (Efron 1987).
@@ -160,4 +182,62 @@ fn percentile(sorted: &[f64], share: f64) -> f64 {
 
 fn normal() -> Normal {
     Normal::standard()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Group;
+    use super::*;
+
+    fn cell(old: Vec<f64>, new: Vec<f64>) -> Cell {
+        Cell { middle: Middle::Mean, groups: vec![Group { weight: 1.0, old, new }] }
+    }
+
+    /// Each value owes 0.7 to the one before.
+    fn remembering(random: &mut Random, count: usize) -> Vec<f64> {
+        let mut noise = random.normal();
+        let mut next = || {
+            noise = 0.7 * noise + 0.51f64.sqrt() * random.normal();
+            100.0 + noise
+        };
+        (0..count).map(|_| next()).collect()
+    }
+
+    type Method = fn(&[Cell], &mut Random) -> (Vec<Option<Interval>>, Option<Interval>);
+
+    #[test]
+    fn samples_that_resemble_their_neighbours_have_wider_intervals() {
+        let mut random = Random::named("remembering");
+        let mut wrong = |intervals: Method| {
+            let excludes = |interval: Interval| interval.low > 1.0 || interval.high < 1.0;
+            let cells = (0..200).map(|_| cell(remembering(&mut random, 40), remembering(&mut random, 40)));
+            let cells: Vec<Cell> = cells.collect();
+            let found = cells
+                .iter()
+                .filter_map(|cell| intervals(std::slice::from_ref(cell), &mut Random::named("wider")).1);
+            found.filter(|interval| excludes(*interval)).count()
+        };
+        let [blind, seeing] = [wrong(intervals), wrong(intervals_of_samples)];
+        assert!(blind > 60 && seeing < 40, "{blind} and {seeing} of 200 leave out the truth");
+    }
+
+    #[test]
+    fn intervals_are_around_the_ratio_of_all_values() {
+        // Each value comes twice. Of blocks of 6 and 7 the mean of means is not that of the values.
+        let old: Vec<f64> = (0..50).map(|at| 100.0 + f64::from(at / 2 * 7 % 11)).collect();
+        let cell = cell(old, vec![100.0; 50]);
+        let joined = blocks::joined(&cell);
+        assert_ne!(joined.log_ratio(), cell.log_ratio());
+        let (each, mean) = intervals_of_samples(std::slice::from_ref(&cell), &mut Random::named("moved"));
+        let plain = intervals(std::slice::from_ref(&joined), &mut Random::named("moved")).1.unwrap();
+        let shift = cell.log_ratio() - joined.log_ratio();
+        assert_eq!((each[0], mean), (Some(plain.moved(shift)), Some(plain.moved(shift))));
+    }
+
+    #[test]
+    fn more_resamples_reach_further_out() {
+        let few = [cell(vec![1.0, 1.1, 1.3], vec![1.2, 1.4, 1.5])];
+        let known = |count| with_resamples(count, &few, &mut Random::named("far")).1.is_some();
+        assert_eq!([100, 2000].map(known), [false, true]);
+    }
 }
