@@ -34,3 +34,19 @@ pub fn man(command: Option<&str>) -> anyhow::Result<Exit> {
     print(&String::from_utf8(text)?)?;
     Ok(Exit::Done)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Terminals of 100 columns would break longer lines wherever they end.
+    #[test]
+    fn the_text_below_the_options_of_history_fits_a_terminal() {
+        let cli = Cli::command();
+        let text = cli.find_subcommand("history").unwrap().get_after_help().unwrap().to_string();
+        assert!(text.lines().count() > 5);
+        for line in text.lines() {
+            assert!(line.chars().count() <= 95, "{line}");
+        }
+    }
+}

@@ -41,10 +41,11 @@ pub struct Arguments {
 }
 
 const HELP: &str = "\
-A rate is the geometric mean over the scenes that all versions have. Each version is compared with the one before as
-`compare diff` does it. A change point is a version that is faster or slower than the one before, or than the first
-one since the last change point, so that small steps add up: it is marked with *. Versions that are not comparable,
-such as of another driver, begin anew. Merges are left out; what they bring is in the commits that they join.
+A rate is the geometric mean over the scenes that all versions have. Each version is compared
+with the one before as `compare diff` does it. A change point is a version that is faster or
+slower than the one before, or than the first one since the last change point, so that small
+steps add up: it is marked with *. Versions that are not comparable, such as of another driver,
+begin anew. Merges are left out; what they bring is in the commits that they join.
 
 Examples:
   compare history out/record.json
