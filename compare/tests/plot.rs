@@ -350,6 +350,7 @@ fn arguments(record: &Record, folder: &std::path::Path) -> Arguments {
         output: folder.join("out/plots"),
         format: Format::Svg,
         only: Vec::new(),
+        anyway: false,
         reference: REFERENCE.into(),
         filter: Filter::default(),
     }
@@ -391,4 +392,33 @@ fn nothing_to_draw_is_an_error() {
     let error = compare::plot::run(&arguments).unwrap_err().to_string();
     assert!(error.contains("nothing of that can be drawn from"), "{error}");
     assert!(!arguments.output.exists());
+}
+
+#[test]
+fn records_that_do_not_belong_together_are_drawn_only_if_somebody_insists() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut other = small();
+    other.device.driver.info = "999.9".into();
+    let path = folder.path().join("other.json");
+    other.write_atomic(&path).unwrap();
+    for only in [Vec::new(), vec![Kind::Records], vec![Kind::Overall]] {
+        let mut arguments = arguments(&small(), folder.path());
+        arguments.records.push(path.clone());
+        arguments.only = only;
+        let error = compare::plot::run(&arguments).unwrap_err().to_string();
+        for part in ["not comparable", "driver: ", "record.json, NVIDIA 999.9 in", "other.json", "--anyway"] {
+            assert!(error.contains(part), "{part}: {error}");
+        }
+        assert!(!arguments.output.exists());
+        arguments.anyway = true;
+        assert_eq!(compare::plot::run(&arguments).unwrap(), Exit::Done);
+        for file in std::fs::read_dir(&arguments.output).unwrap() {
+            let path = file.unwrap().path();
+            assert!(std::fs::read_to_string(&path).unwrap().contains("Not comparable: driver"), "{path:?}");
+        }
+        std::fs::remove_dir_all(&arguments.output).unwrap();
+    }
+    let one = small();
+    let charts = records::charts(&Selection::new(&one), &Selection::new(&other)).charts;
+    assert!(charts[0].note.contains("999.9 after. "), "{}", charts[0].note);
 }

@@ -11,43 +11,52 @@ const NAMED: usize = 3;
 
 /// Everything that stands against comparing these points; empty where nothing does.
 pub fn obstacles(old: &Record, new: &Record, pairs: &Pairs) -> Vec<String> {
-    let [before, after] = [old, new].map(|record| Side::of(super::Named::new(Path::new(""), record)));
-    let mut found = Vec::new();
-    for (what, old, new) in [
-        ("device", before.device, after.device),
-        ("driver", before.driver, after.driver),
-        ("clocks", clocks(&old.run), clocks(&new.run)),
-        ("picture", size(&old.run), size(&new.run)),
-        ("most rays in a path", old.run.depth.to_string(), new.run.depth.to_string()),
-    ] {
-        if old != new {
-            found.push(format!("{what}: {old} before, {new} after"));
-        }
-    }
-    for scene in in_order(
-        pairs
-            .pairs
-            .iter()
-            .filter(|(_, pair)| other_scene(pair.old.point, pair.new.point))
-            .map(|(_, pair)| pair.old.scene()),
-    ) {
-        found.push(format!("scene {scene}: its triangles are not the same ones"));
-    }
-    for (side, points) in [
-        ("before", pairs.pairs.iter().map(|(_, pair)| pair.old.point).collect::<Vec<_>>()),
-        ("after", pairs.pairs.iter().map(|(_, pair)| pair.new.point).collect()),
-    ] {
-        let slowed: Vec<String> = (points.into_iter().filter(|point| throttled(point)))
-            .map(|point| format!("{}, {}", point.scene.name, point.variant))
-            .collect();
-        if !slowed.is_empty() {
-            let named = slowed.iter().take(NAMED).cloned().collect::<Vec<_>>().join("; ");
-            let more = slowed.len().saturating_sub(NAMED);
-            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-            found.push(format!("the device was slowed down {side}: {named}{more}"));
-        }
-    }
+    let sides = ["before", "after"];
+    let both = pairs.pairs.iter().map(|(_, pair)| [pair.old.point, pair.new.point]);
+    let mut found = run_obstacles([old, new], sides);
+    found.extend(scene_obstacles(both.clone()));
+    found.extend(device_obstacle(both.clone().map(|[old, _]| old), sides[0]));
+    found.extend(device_obstacle(both.map(|[_, new]| new), sides[1]));
     found
+}
+
+/// What sets two runs apart as a whole. Each side is called as it is here, such as "before".
+pub fn run_obstacles(records: [&Record; 2], called: [&str; 2]) -> Vec<String> {
+    let of = |record: &Record| {
+        let side = Side::of(super::Named::new(Path::new(""), record));
+        let run = &record.run;
+        [
+            ("device", side.device),
+            ("driver", side.driver),
+            ("clocks", clocks(run)),
+            ("picture", size(run)),
+            ("most rays in a path", run.depth.to_string()),
+        ]
+    };
+    let [old, new] = records.map(of);
+    let differ = old.into_iter().zip(new).filter(|((_, old), (_, new))| old != new);
+    differ
+        .map(|((what, old), (_, new))| format!("{what}: {old} {}, {new} {}", called[0], called[1]))
+        .collect()
+}
+
+/// The scenes that only have the same name.
+pub fn scene_obstacles<'r>(pairs: impl Iterator<Item = [&'r Point; 2]>) -> Vec<String> {
+    let other = pairs.filter(|[old, new]| other_scene(old, new)).map(|[old, _]| old.scene.name.as_str());
+    let scenes = in_order(other).into_iter();
+    scenes.map(|scene| format!("scene {scene}: its triangles are not the same ones")).collect()
+}
+
+/// That the device was slowed down meanwhile, where it was.
+pub fn device_obstacle<'r>(points: impl Iterator<Item = &'r Point>, called: &str) -> Option<String> {
+    let slowed: Vec<String> = points
+        .filter(|point| throttled(point))
+        .map(|point| format!("{}, {}", point.scene.name, point.variant))
+        .collect();
+    let named = slowed.iter().take(NAMED).cloned().collect::<Vec<_>>().join("; ");
+    let more = slowed.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    (!slowed.is_empty()).then(|| format!("the device was slowed down {called}: {named}{more}"))
 }
 
 /// How the clocks were held, in words.

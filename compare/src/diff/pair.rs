@@ -1,5 +1,6 @@
-//! Which points of two records belong together.
+//! Which points of two records belong together, and what stands against comparing them.
 
+pub use super::obstacle::{device_obstacle, obstacles, run_obstacles, scene_obstacles};
 use crate::select::{Entry, Pass, Selection, in_order};
 use std::collections::BTreeSet;
 

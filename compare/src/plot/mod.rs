@@ -25,6 +25,7 @@ pub mod theme;
 
 pub use chart::Chart;
 
+use crate::diff::Named;
 use crate::load::load;
 use crate::select::{Filter, REFERENCE, Selection};
 use crate::{Exit, say};
@@ -49,6 +50,9 @@ pub struct Arguments {
     /// Only pictures of this kind [may be given several times]
     #[arg(long, value_enum, value_name = "KIND")]
     pub only: Vec<Kind>,
+    /// Draw records of different devices, drivers, clocks or sizes together too, and say so below each picture
+    #[arg(long)]
+    pub anyway: bool,
     /// The variant that others are relative to.
     #[arg(long, value_name = "VARIANT", default_value = REFERENCE)]
     pub reference: String,
@@ -149,9 +153,17 @@ pub fn png(chart: &Chart) -> anyhow::Result<Vec<u8>> {
 /// `compare plot`.
 ///
 /// # Errors
-/// A record cannot be read, nothing of what was asked for can be drawn, or a file cannot be written.
+/// A record cannot be read, several do not belong together, nothing of what was asked for can be drawn, or a file cannot be written.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
     let records: Vec<Record> = arguments.records.iter().map(load).collect::<Result<_, _>>()?;
+    let named: Vec<Named> =
+        arguments.records.iter().zip(&records).map(|(path, record)| Named::new(path, record)).collect();
+    let obstacles = join::obstacles(&named, &arguments.filter);
+    anyhow::ensure!(
+        obstacles.is_empty() || arguments.anyway,
+        "not comparable:\n  {}\nDraw them one by one, or with --anyway all the same.",
+        obstacles.join("\n  ")
+    );
     let joined = join::join(&records)?;
     let selection = Selection::filtered(&joined, &arguments.filter)?;
     let unvaried = ratios::unvaried(&selection);
@@ -166,13 +178,16 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
     let kinds = if arguments.only.is_empty() { &Kind::ALL[..] } else { &arguments.only };
     let mut charts = Vec::new();
     for &kind in kinds {
-        let found = match (kind, &records[..]) {
+        let mut found = match (kind, &records[..]) {
             (Kind::Records, [old, new]) => records::charts(
                 &Selection::filtered(old, &arguments.filter)?,
                 &Selection::filtered(new, &arguments.filter)?,
             ),
             _ => self::charts(&selection, kind, &arguments.reference),
         };
+        if kind != Kind::Records {
+            found.charts.iter_mut().for_each(|chart| notes::mark(chart, &obstacles));
+        }
         // That records have no points in common is no news unless somebody asked.
         if kind != Kind::Records || !arguments.only.is_empty() {
             found.remarks.iter().for_each(|remark| say(format_args!("left out of {kind}: {remark}")));

@@ -54,6 +54,13 @@ pub fn device(selection: &Selection) -> String {
     format!("{}, driver {driver}.", device.name)
 }
 
+/// Puts before a chart's note why its points should not be compared, where something stands against it.
+pub fn mark(chart: &mut Chart, obstacles: &[String]) {
+    if !obstacles.is_empty() {
+        chart.note = format!("Not comparable: {}. {}", obstacles.join("; "), chart.note);
+    }
+}
+
 /// What the last group of several scenes is.
 pub fn mean(selection: &Selection) -> &'static str {
     if selection.scenes().len() > 1 { "; mean: geometric mean over the scenes" } else { "" }

@@ -7,11 +7,13 @@ use super::notes::{self, Found};
 use super::pairs::SHOWN;
 use super::ratios::{Pair, only, settled};
 use super::scenes::{Shown, bars, series_of_arities};
+use crate::diff::pair::{self as compared, obstacles};
 use crate::select::Selection;
 
-/// One chart a flavour, of the points that both have.
+/// One chart a flavour, of the points that both have. What stands against comparing the two is said in their notes.
 pub fn charts(old: &Selection, new: &Selection) -> Found {
     let both: Vec<&str> = settled(old).into_iter().filter(|variant| settled(new).contains(variant)).collect();
+    let obstacles = obstacles(old.record, new.record, &compared::pairs(old, new));
     let mut found = Found::default();
     for of in flavours(&both) {
         let those: Vec<&str> = both.iter().copied().filter(|variant| flavour(variant) == of).collect();
@@ -38,13 +40,15 @@ pub fn charts(old: &Selection, new: &Selection) -> Found {
             notes::error_bars(&panels),
             notes::device(new)
         );
-        found.add(Found::bars(Chart {
+        let mut bars = Found::bars(Chart {
             name: format!("records-{}", slug(&of)),
             title: format!("{of} variants: second record against the first"),
             note,
             series: series_of_arities(&those),
             body: Body::Bars(panels),
-        }));
+        });
+        bars.charts.iter_mut().for_each(|chart| notes::mark(chart, &obstacles));
+        found.add(bars);
     }
     if found.charts.is_empty() {
         found.remarks.push("the two records have no scene and variant in common".into());
