@@ -23,6 +23,7 @@ pub mod report;
 pub mod select;
 pub mod stats;
 pub mod tables;
+pub mod unreliable;
 
 pub use args::{Cli, Command};
 

@@ -394,6 +394,80 @@ fn nothing_to_draw_is_an_error() {
     assert!(!arguments.output.exists());
 }
 
+fn unreliable(point: &mut Point) {
+    let measurement = example().results.into_iter().find_map(|point| point.measurement).unwrap();
+    point.measurement = Some(record::Measurement { unreliable: true, ..measurement });
+}
+
+#[test]
+fn points_of_too_few_samples_are_named_below_pictures() {
+    let mut record = small();
+    record.results.iter_mut().for_each(|point| point.measurement = None);
+    record.results.iter_mut().filter(|point| point.variant == "Wide4 Quantized").for_each(unreliable);
+    record.references.iter_mut().for_each(|point| point.measurement = None);
+    let named = "Unreliable, because too few samples count: Wide4 Quantized on ";
+    for kind in Kind::ALL.into_iter().filter(|kind| *kind != Kind::Sweep) {
+        let charts = drawn(&record, kind);
+        let those: Vec<&str> = charts
+            .iter()
+            .filter(|chart| chart.note.contains(named))
+            .map(|chart| chart.name.as_str())
+            .collect();
+        let expected: &[&str] = match kind {
+            Kind::Overall => &["overall"],
+            Kind::Scenes => &["scenes-quantized"],
+            Kind::Pairs => &["pairs-quantized-against-uncompressed"],
+            Kind::Records => &["records-quantized"],
+            Kind::Build => &["build-phases"],
+            Kind::Cost => &["cost-quantized"],
+            _ => &["samples-sponza", "samples-old-town"],
+        };
+        assert_eq!(those, expected, "{kind}");
+    }
+    assert!(drawn(&record, Kind::Overall)[0].note.ends_with("Wide4 Quantized on old_town."));
+}
+
+#[test]
+fn points_of_too_few_samples_are_no_part_of_a_sweep() {
+    let mut record = swept();
+    record.results.iter_mut().for_each(|point| point.measurement = None);
+    let all = drawn(&record, Kind::Sweep).swap_remove(0);
+    assert!(!all.note.contains("left out"), "{}", all.note);
+    let mut other = record.results.iter().find(|point| point.variant.contains("CBTC")).unwrap().clone();
+    unreliable(&mut other);
+    other.parameters.set("cbtc.threshold", 128u32);
+    record.results.push(other);
+    let without = drawn(&record, Kind::Sweep).swap_remove(0);
+    assert!(without.note.contains("; 1 of 7 points are left out, because too few"), "{}", without.note);
+    assert_eq!(without.body, all.body);
+}
+
+/// A single variant with two sets of other parameters: the band is not over variants.
+#[test]
+fn a_band_says_what_it_runs_over() {
+    let label = |record: &Record| drawn(record, Kind::Sweep)[0].series[0].label.clone();
+    let mut record = swept();
+    record.results.retain(|point| point.variant.contains("CBTC"));
+    assert_eq!(label(&record), "mean");
+    let of_one = record.results.clone();
+    let more = |points: &[Point], change: fn(&mut Point)| {
+        let mut points = points.to_vec();
+        points.iter_mut().for_each(change);
+        points
+    };
+    record.results.extend(more(&of_one, |point| point.parameters.set("collapse.c_t", 5u32)));
+    assert_eq!(label(&record), "mean; band: from the least to the greatest set of other parameters");
+    let both = more(&record.results, |point| point.variant = "Wide8 CBTC".into());
+    record.results.extend(both);
+    assert_eq!(
+        label(&record),
+        "mean; band: from the least to the greatest variant and set of other parameters"
+    );
+    record.results = more(&of_one, |point| point.variant = "Wide8 CBTC".into());
+    record.results.extend(of_one);
+    assert_eq!(label(&record), "mean; band: from the least to the greatest variant");
+}
+
 #[test]
 fn records_that_do_not_belong_together_are_drawn_only_if_somebody_insists() {
     let folder = tempfile::tempdir().unwrap();

@@ -57,13 +57,14 @@ pub fn charts(selection: &Selection) -> Found {
     let panels: Vec<Stacks> = panels.collect();
     let note = format!(
         "Medians over the repetitions of a build. A variant that goes by view is built twice, with sample rays \
-         between; same phases of both builds are added, and views averaged. {}{}",
+         between; same phases of both builds are added, and views averaged. {}{}{}",
         if panels.iter().flat_map(|panel| &panel.rows).any(|row| row.interval.is_some()) {
             "Error bars: 95% confidence intervals of the whole. "
         } else {
             ""
         },
-        notes::device(selection)
+        notes::device(selection),
+        notes::unreliable(scenes.iter().flat_map(|scene| variants.iter().filter_map(|v| point(scene, v))))
     );
     let series = names
         .iter()

@@ -70,6 +70,7 @@ fn chart(selection: &Selection, of: &str, variants: &[&str], reference: &str) ->
         |plane: &Plane| plane.curves.iter().flat_map(|c| &c.places).any(|place| place.y.interval.is_some());
     let panels: Vec<Plane> = panels.collect();
     let bars = if panels.iter().any(interval) { "Error bars: 95% confidence intervals. " } else { "" };
+    let shown = selection.entries.iter().filter(|entry| variants.contains(&entry.variant()));
     let scenes = selection.scenes().join(", ");
     let with = if flavour(reference) == *of || !variants.contains(&reference) {
         String::new()
@@ -80,8 +81,9 @@ fn chart(selection: &Selection, of: &str, variants: &[&str], reference: &str) ->
         name: format!("cost-{}", slug(of)),
         title: format!("Cost by the size of the scene: {of} variants{with}"),
         note: format!(
-            "Each place is a scene ({scenes}); scenes differ in more than their size. {bars}{}",
-            notes::device(selection)
+            "Each place is a scene ({scenes}); scenes differ in more than their size. {bars}{}{}",
+            notes::device(selection),
+            notes::unreliable(shown.map(|entry| entry.point))
         ),
         series: series_of_arities(variants),
         body: Body::Planes(panels),

@@ -2,6 +2,8 @@
 
 use super::chart::{Bars, Body, Chart};
 use crate::select::Selection;
+use crate::unreliable;
+use record::Point;
 
 /// The charts of one kind that a record has, and why others are left out.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -52,6 +54,11 @@ pub fn device(selection: &Selection) -> String {
     // As the vendor writes it, where Vulkan has nothing but a number.
     let driver = if device.driver.info.is_empty() { &device.driver.version } else { &device.driver.info };
     format!("{}, driver {driver}.", device.name)
+}
+
+/// Says which of the points that a picture shows are unreliable, behind other sentences.
+pub fn unreliable<'r>(points: impl IntoIterator<Item = &'r Point>) -> String {
+    unreliable::sentence(points, |point| point, |point| format!("{} on {}", point.variant, point.scene.name))
 }
 
 /// Puts before a chart's note why its points should not be compared, where something stands against it.

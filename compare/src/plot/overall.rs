@@ -3,7 +3,7 @@
 use super::chart::{Bars, Body, Chart, Group, Series, Value};
 use super::names::{arities, arity, flavour, flavours, look_of_flavour};
 use super::notes::{self, Found};
-use super::ratios::{pairs, ratios, settled};
+use super::ratios::{of_variants, pairs, ratios, settled};
 use crate::figure::Figure;
 use crate::select::Selection;
 
@@ -54,7 +54,7 @@ pub fn charts(selection: &Selection, reference: &str) -> Found {
         .map(|(number, label)| Series { label: label.clone(), look: look_of_flavour(label, number) });
     let scenes = selection.scenes();
     let note = format!(
-        "Relative to {reference} (the line at 1){}. {} {} {}",
+        "Relative to {reference} (the line at 1){}. {} {} {}{}",
         match scenes.len() {
             1 => format!(", {}", scenes[0]),
             count => format!(", geometric mean over {count} scenes: {}", scenes.join(", ")),
@@ -62,6 +62,7 @@ pub fn charts(selection: &Selection, reference: &str) -> Found {
         notes::BETTER,
         notes::error_bars(&panels),
         notes::device(selection),
+        notes::unreliable(of_variants(selection, &variants, reference))
     );
     Found::bars(Chart {
         name: "overall".into(),

@@ -53,10 +53,11 @@ fn chart(selection: &Selection, word: &str, of: &str, variants: &[&str]) -> Foun
     let panels: Vec<Bars> = panels.collect();
     let base = flavour(&old(variants[0]));
     let note = format!(
-        "Each variant against the same without {word}, on the same scene{}. {} {}",
+        "Each variant against the same without {word}, on the same scene{}. {} {}{}",
         notes::mean(selection),
         notes::error_bars(&panels),
-        notes::device(selection)
+        notes::device(selection),
+        notes::unreliable(columns.iter().flatten().flatten().flatten().copied())
     );
     Found::bars(Chart {
         name: format!("pairs-{}-against-{}", slug(of), slug(&base)),

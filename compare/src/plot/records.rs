@@ -33,12 +33,13 @@ pub fn charts(old: &Selection, new: &Selection) -> Found {
         });
         let panels: Vec<Bars> = panels.collect();
         let note = format!(
-            "From the record of {} to that of {}{}. {} {}",
+            "From the record of {} to that of {}{}. {} {}{}",
             old.record.started,
             new.record.started,
             notes::mean(new),
             notes::error_bars(&panels),
-            notes::device(new)
+            notes::device(new),
+            notes::unreliable(columns.iter().flatten().flatten().flatten().copied())
         );
         let mut bars = Found::bars(Chart {
             name: format!("records-{}", slug(&of)),

@@ -18,13 +18,15 @@ pub fn charts(selection: &Selection) -> Found {
     let mut found = Found::default();
     let variants = settled(selection);
     for scene in selection.scenes() {
-        let panels =
-            variants.iter().filter_map(|variant| panel(variant, &[only(selection, scene, variant)?.point]));
+        let points = variants.iter().filter_map(|variant| Some(only(selection, scene, variant)?.point));
+        let points: Vec<&Point> = points.collect();
+        let panels = points.iter().filter_map(|point| panel(&point.variant, &[point]));
         let name = format!("samples-{}", slug(scene));
         found.charts.extend(chart(
             selection,
             name,
             format!("Samples in the order measured: {scene}"),
+            &points,
             panels.collect(),
         ));
     }
@@ -34,7 +36,7 @@ pub fn charts(selection: &Selection) -> Found {
         let title = format!("{} on {}, measured again and again", first.variant, first.scene.name);
         let panels = panel(&title, &references).into_iter().collect();
         let title = "The sweep's reference point in the order measured".to_owned();
-        found.charts.extend(chart(selection, "samples-reference".into(), title, panels));
+        found.charts.extend(chart(selection, "samples-reference".into(), title, &references, panels));
     }
     if found.charts.is_empty() {
         found.remarks.push("no view of a variant with one set of parameters has two samples".into());
@@ -42,7 +44,13 @@ pub fn charts(selection: &Selection) -> Found {
     found
 }
 
-fn chart(selection: &Selection, name: String, title: String, panels: Vec<Plane>) -> Option<Chart> {
+fn chart(
+    selection: &Selection,
+    name: String,
+    title: String,
+    points: &[&Point],
+    panels: Vec<Plane>,
+) -> Option<Chart> {
     if panels.is_empty() {
         return None;
     }
@@ -86,8 +94,9 @@ fn chart(selection: &Selection, name: String, title: String, panels: Vec<Plane>)
         title,
         note: format!(
             "Views one after another; each rate is relative to the mean of its view, so that views can be \
-             compared.{clock} {}",
-            notes::device(selection)
+             compared.{clock} {}{}",
+            notes::device(selection),
+            notes::unreliable(points.iter().copied())
         ),
         series: used
             .iter()

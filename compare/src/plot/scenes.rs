@@ -4,7 +4,7 @@ use super::chart::{Bars, Body, Chart, Group, Series, slug};
 use super::names::{arities, arity, flavour, flavours, look_of_arity};
 use super::notes::{self, Found};
 use super::overall::SHOWN;
-use super::ratios::{Pair, Ratios, pairs, ratios, settled};
+use super::ratios::{Pair, Ratios, of_variants, pairs, ratios, settled};
 use crate::figure::Figure;
 use crate::select::Selection;
 
@@ -31,11 +31,12 @@ pub fn charts(selection: &Selection, reference: &str) -> Found {
         });
         let panels: Vec<Bars> = panels.collect();
         let note = format!(
-            "Relative to {reference} on the same scene (the line at 1){}. {} {} {}",
+            "Relative to {reference} on the same scene (the line at 1){}. {} {} {}{}",
             notes::mean(selection),
             notes::BETTER,
             notes::error_bars(&panels),
-            notes::device(selection)
+            notes::device(selection),
+            notes::unreliable(of_variants(selection, &those, reference))
         );
         found.add(Found::bars(Chart {
             name: format!("scenes-{}", slug(&of)),

@@ -7,6 +7,7 @@ use super::ratios::{Pair, only, ratios};
 use super::theme::{Dash, Hatch, Look, Marker, Tone};
 use crate::figure::Figure;
 use crate::select::{Entry, Selection, geometric_mean, in_order, ratio};
+use crate::unreliable::unreliable;
 use record::OF_SCENE;
 use std::collections::BTreeMap;
 
@@ -82,14 +83,17 @@ fn chart(selection: &Selection, varied: &Varied) -> Result<Chart, String> {
     values.sort_by(f64::total_cmp);
     values.dedup();
     if values.len() < 3 {
-        return Err("it has fewer than three numbers as values".into());
+        return Err(format!("it has fewer than three numbers as values{}", left_out(selection, varied)));
     }
     let known = Known::of(&varied.name);
     let base = if known.greatest { values[values.len() - 1] } else { values[0] };
     let lines: Vec<Line> =
         lines.into_iter().filter(|line| line.at(base).is_some() && line.entries.len() > 1).collect();
     if lines.is_empty() {
-        return Err(format!("nothing was measured with {base}, which the others would be relative to"));
+        let left_out = left_out(selection, varied);
+        return Err(format!(
+            "nothing was measured with {base}, which the others would be relative to{left_out}"
+        ));
     }
     let sampling = sampling(&lines, &values, base);
     let panels = [(Figure::Primary, "Primary rays"), (Figure::Secondary, "Secondary rays")]
@@ -151,11 +155,16 @@ fn finished(
     let variants = in_order(lines.iter().map(|line| line.variant.as_str()));
     let scenes = in_order(lines.iter().map(|line| line.scene.as_str()));
     let banded = panels.iter().flat_map(|panel| &panel.curves).any(|curve| !curve.band.is_empty());
+    let others = in_order(lines.iter().map(|line| line.rest.as_str())).len();
+    // What the band runs over.
+    let mean = match (banded, variants.len(), others) {
+        (false, ..) => "mean".to_owned(),
+        (true, _, 1) => "mean; band: from the least to the greatest variant".to_owned(),
+        (true, 1, _) => "mean; band: from the least to the greatest set of other parameters".to_owned(),
+        _ => "mean; band: from the least to the greatest variant and set of other parameters".to_owned(),
+    };
     let all = [
-        (
-            if banded { "mean; band: from the least to the greatest variant" } else { "mean" },
-            look(Tone::Blue, Marker::Disc, Dash::Solid),
-        ),
+        (mean.as_str(), look(Tone::Blue, Marker::Disc, Dash::Solid)),
         ("the same variants without CBTC", look(Tone::Ink, Marker::Nothing, Dash::Dashed)),
         ("time of sampling (right axis)", look(Tone::Vermilion, Marker::Square, Dash::Dotted)),
     ];
@@ -175,17 +184,17 @@ fn finished(
     } else {
         ""
     };
-    let others = in_order(lines.iter().map(|line| line.rest.as_str())).len();
     let band = match (banded, others) {
         (false, _) => String::new(),
         (true, 1) => "; the band is that of the variants' means".into(),
         (true, others) => format!("; the band is that of the means with {others} sets of other parameters"),
     };
     let note = format!(
-        "Relative to {} = {base}. Geometric means of {} over {}{band}.{bars}{along} {}",
+        "Relative to {} = {base}. Geometric means of {} over {}{band}{}.{bars}{along} {}",
         varied.name,
         variants.join(", "),
         scenes.join(", "),
+        left_out(selection, varied),
         notes::device(selection)
     );
     Chart {
@@ -197,6 +206,18 @@ fn finished(
             .map(|&number| Series { label: all[number].0.into(), look: all[number].1 })
             .collect(),
         body: Body::Planes(panels),
+    }
+}
+
+/// How many points do not count, behind a clause.
+fn left_out(selection: &Selection, varied: &Varied) -> String {
+    let all = selection.entries.iter().filter(|entry| of(entry, varied).is_some());
+    match all.clone().filter(|entry| unreliable(entry.point)).count() {
+        0 => String::new(),
+        count => format!(
+            "; {count} of {} points are left out, because too few of their samples count",
+            all.count()
+        ),
     }
 }
 
@@ -241,13 +262,16 @@ fn spread(places: &[Place]) -> Scale {
     scale(&places.iter().map(|place| place.y.value).collect::<Vec<_>>())
 }
 
-/// All lines of a parameter.
+/// The value of a parameter, if it is a number.
+fn of(entry: &Entry, varied: &Varied) -> Option<f64> {
+    entry.pass.0.get(&varied.name)?.parse().ok()
+}
+
+/// All lines of a parameter, of the points that are reliable.
 fn lines<'s, 'r>(selection: &'s Selection<'r>, varied: &Varied) -> Vec<Line<'s, 'r>> {
     let mut lines: Vec<Line> = Vec::new();
     for entry in &selection.entries {
-        let Some(value) = entry.pass.0.get(&varied.name).and_then(|value| value.parse::<f64>().ok()) else {
-            continue;
-        };
+        let Some(value) = of(entry, varied).filter(|_| !unreliable(entry.point)) else { continue };
         let mut rest = entry.pass.clone();
         rest.0.retain(|name, _| *name != varied.name && !varied.along.contains(name));
         let rest = rest.to_string();
@@ -316,7 +340,10 @@ fn counterparts(
     let relative = |line: &Line| -> Option<f64> {
         let word = words(&line.variant).into_iter().find(|word| *word == "CBTC")?;
         let other = only(selection, &line.scene, &without(&line.variant, word)?)?;
-        ratio(figure.of(other.point)?, figure.of(line.at(base)?.point)?)
+        ratio(
+            figure.of(Some(other.point).filter(|point| !unreliable(point))?)?,
+            figure.of(line.at(base)?.point)?,
+        )
     };
     let all: Vec<f64> = lines.iter().map(relative).collect::<Option<_>>()?;
     let y = Value::bare(geometric_mean(all)?);
