@@ -116,8 +116,10 @@ fn panel(title: &str, points: &[&Point]) -> Option<Plane> {
     let mut excluded = Vec::new();
     for (series, rays) in [(PRIMARY, Rays::Primary), (SECONDARY, Rays::Secondary)] {
         let mut places = Vec::new();
-        for (number, view, sample) in numbered(&views) {
-            let Some(share) = view.rate(rays).and_then(|mean| Some(sample.rate(rays)? / mean)) else {
+        // Once a view: a mean goes through all of its samples.
+        let means: Vec<Option<f64>> = views.iter().map(|view| view.rate(rays)).collect();
+        for (number, of, sample) in numbered(&views) {
+            let Some(share) = means[of].and_then(|mean| Some(sample.rate(rays)? / mean)) else {
                 continue;
             };
             let place = Place { x: number as f64, y: Value::bare(100.0 * share) };
@@ -172,10 +174,11 @@ fn firsts(views: &[&View]) -> Vec<f64> {
         .collect()
 }
 
-/// All samples with their numbers, from 1.
-fn numbered<'v>(views: &'v [&'v View]) -> impl Iterator<Item = (usize, &'v View, &'v Sample)> {
-    let samples = views.iter().flat_map(|view| view.samples.iter().map(move |sample| (*view, sample)));
-    samples.enumerate().map(|(index, (view, sample))| (index + 1, view, sample))
+/// All samples with their numbers, from 1, and the places of their views.
+fn numbered<'v>(views: &'v [&'v View]) -> impl Iterator<Item = (usize, usize, &'v Sample)> {
+    let views = views.iter().enumerate();
+    let samples = views.flat_map(|(of, view)| view.samples.iter().map(move |sample| (of, sample)));
+    samples.enumerate().map(|(index, (of, sample))| (index + 1, of, sample))
 }
 
 /// The clock of the multiprocessors in MHz: after each sample where it was read, else before and after each view.
