@@ -1,6 +1,6 @@
 //! The best value of everything that was varied: table 4 of the thesis, and with it table 5.
 
-use super::choice::{axes, choice, concerned};
+use super::choice::{Choice, axes, choice, concerned, scenes};
 use super::method::Method;
 use super::traversal_cost::COST;
 use super::workgroup::{SIZES, size};
@@ -25,6 +25,7 @@ pub struct Chosen<'a> {
 /// No record varies anything.
 pub fn tables(input: &Input) -> anyhow::Result<Vec<Table>> {
     let mut chosen: Vec<Chosen> = Vec::new();
+    let mut choices: Vec<(String, Choice)> = Vec::new();
     for source in &input.sources {
         for axis in axes(source) {
             for variant in in_order(source.entries().map(Entry::variant)) {
@@ -39,6 +40,7 @@ pub fn tables(input: &Input) -> anyhow::Result<Vec<Table>> {
                 if let (true, Some(first)) = (is_size(&axis), source.entries().next()) {
                     value = size(source.all.record, first.point, &value);
                 }
+                choices.push((format!("{variant} ({row})"), choice));
                 chosen.push(Chosen { variant, row, value });
             }
         }
@@ -50,10 +52,13 @@ pub fn tables(input: &Input) -> anyhow::Result<Vec<Table>> {
     );
     let devices = in_order(input.sources.iter().map(|source| source.all.record.device.name.as_str()));
     let rays = if input.rays == Rays::All { "all".to_owned() } else { input.rays.to_string() };
+    let choices: Vec<(&str, Choice)> =
+        choices.iter().map(|(of, choice)| (of.as_str(), choice.clone())).collect();
     let caption = format!(
-        "The values chosen for each variant, on {}: those with the largest minimum rate over the scenes, of primary \
-         and secondary rays for their workgroups and of {rays} rays for what concerns both.",
-        devices.join(" and ")
+        "The values chosen for each variant, on {}: those with the largest minimum rate over the scenes ({}), of \
+         primary and secondary rays for their workgroups and of {rays} rays for what concerns both.",
+        devices.join(" and "),
+        scenes(&choices)
     );
     Ok(vec![table("best", caption, chosen)])
 }

@@ -8,6 +8,7 @@
 use super::Input;
 use super::input::Shown;
 use crate::select::{Entry, in_order, text};
+use crate::unreliable::unreliable;
 use record::{OF_SCENE, Rays, Value};
 use std::collections::BTreeMap;
 
@@ -26,8 +27,11 @@ pub struct Choice {
 pub fn scenes(choices: &[(&str, Choice)]) -> String {
     let most = choices.iter().map(|(_, choice)| &choice.scenes).max_by_key(|scenes| scenes.len());
     let Some(most) = most else { return String::new() };
-    let others = choices.iter().filter(|(_, choice)| choice.scenes != *most);
-    let others = others.map(|(variant, choice)| format!("; of {variant} only {}", choice.scenes.join(", ")));
+    let others = in_order(choices.iter().map(|(_, choice)| &choice.scenes).filter(|scenes| *scenes != most));
+    let others = others.into_iter().map(|scenes| {
+        let of = in_order(choices.iter().filter(|(_, choice)| choice.scenes == *scenes).map(|(of, _)| *of));
+        format!("; of {} only {}", of.join(", "), scenes.join(", "))
+    });
     format!("{}{}", most.join(", "), others.collect::<String>())
 }
 
@@ -78,19 +82,18 @@ pub fn axes(source: &Shown) -> Vec<String> {
 pub fn choice(input: &Input, source: &Shown, variant: &str, axis: &str, rays: Rays) -> Option<Choice> {
     // By value and scene, in order of appearance.
     let mut rates: Vec<(String, Value, BTreeMap<String, f64>)> = Vec::new();
+    // By scene and place of the value: of how many points too few samples count, and how many there are.
+    let mut counts: BTreeMap<(String, usize), (usize, usize)> = BTreeMap::new();
     for entry in source.entries().filter(|entry| entry.variant() == variant) {
         let Some(value) = entry.parameters.get(axis) else { continue };
         let at = rates.iter().position(|(known, ..)| *known == text(value)).unwrap_or_else(|| {
             rates.push((text(value), value.clone(), BTreeMap::new()));
             rates.len() - 1
         });
-        let unreliable = entry.point.measurement.as_ref().is_some_and(|m| m.unreliable);
-        match entry.point.rate(rays).filter(|_| !unreliable) {
-            None => input.remark(format!(
-                "{}, {variant}, {axis}={}: left out, because too few samples count",
-                source.place(entry),
-                rates[at].0
-            )),
+        let count = counts.entry((source.place(entry).to_owned(), at)).or_default();
+        count.1 += 1;
+        match entry.point.rate(rays).filter(|_| !unreliable(entry.point)) {
+            None => count.0 += 1,
             Some(rate) => {
                 let best = rates[at].2.entry(source.place(entry).to_owned()).or_insert(rate);
                 *best = best.max(rate);
@@ -100,6 +103,7 @@ pub fn choice(input: &Input, source: &Shown, variant: &str, axis: &str, rays: Ra
     if rates.len() < 2 {
         return None;
     }
+    weak(input, variant, axis, &rates, &counts);
     rates.sort_by(|(_, a, _), (_, b, _)| match (number(a), number(b)) {
         (Some(a), Some(b)) => a.total_cmp(&b),
         (a, b) => b.is_some().cmp(&a.is_some()),
@@ -124,6 +128,35 @@ pub fn choice(input: &Input, source: &Shown, variant: &str, axis: &str, rays: Ra
         .collect();
     let scenes = scenes.into_iter().cloned().collect();
     Some(Choice { values, best, scenes })
+}
+
+/// Remarks of which points too few samples count: the values that are left out with them, scene by scene, and how many
+/// points of the others do not count.
+fn weak(
+    input: &Input,
+    variant: &str,
+    axis: &str,
+    rates: &[(String, Value, BTreeMap<String, f64>)],
+    counts: &BTreeMap<(String, usize), (usize, usize)>,
+) {
+    for scene in in_order(counts.keys().map(|(scene, _)| scene)) {
+        let own = counts.iter().filter(|((of, _), _)| of == scene);
+        let gone = own.clone().filter(|(_, (weak, all))| weak == all);
+        let gone: Vec<&str> = gone.map(|((_, at), _)| rates[*at].0.as_str()).collect();
+        if !gone.is_empty() {
+            input.remark(format!(
+                "{scene}, {variant}, {axis}={}: left out, because too few samples count",
+                gone.join(", ")
+            ));
+        }
+        let kept = own.filter(|(_, (weak, all))| weak < all);
+        let (weak, all) = kept.fold((0, 0), |sum, (_, count)| (sum.0 + count.0, sum.1 + count.1));
+        if weak > 0 {
+            input.remark(format!(
+                "{scene}, {variant}: {weak} of {all} points do not count for {axis}, because too few samples count"
+            ));
+        }
+    }
 }
 
 fn number(value: &Value) -> Option<f64> {

@@ -4,6 +4,7 @@ use super::input::Shown;
 use super::{Cell, Column, Content, Emphasis, Input, Row, Table};
 use crate::figure::{Better, Figure};
 use crate::select::{Entry, in_order};
+use crate::unreliable;
 use record::{OF_SCENE, Point};
 use std::cmp::Ordering;
 
@@ -69,11 +70,16 @@ fn table(input: &Input, source: &Shown, scene: &str) -> Table {
     } else {
         ""
     };
+    let unreliable = unreliable::sentence(
+        entries.iter().copied(),
+        |entry| entry.point,
+        |entry| format!("{}{}", entry.variant(), pass(entry)),
+    );
     let head = format!("{scene}\n({})", triangles(entries.first().map_or(0, |e| e.point.scene.triangles)));
     Table {
         name: format!("scene-{scene}"),
         caption: format!(
-            "Results of all variants for the scene {scene}, on {}. Values in parentheses are relative to {}.{by_view}",
+            "Results of all variants for the scene {scene}, on {}. Values in parentheses are relative to {}.{by_view}{unreliable}",
             source.all.record.device.name, input.reference
         ),
         legend: vec![(Emphasis::Best, "the optimum of the column")],

@@ -1,7 +1,8 @@
 //! Separate kernels relative to a single one for all stages: table 3 of the thesis.
 
 use super::{Cell, Column, Input, Row, Table};
-use crate::select::{Entry, differing, in_order, ratio};
+use crate::select::{Entry, differing, in_order, ratio, text};
+use crate::unreliable;
 use record::{Point, Rays};
 use std::collections::BTreeSet;
 
@@ -48,6 +49,14 @@ pub fn tables(input: &Input) -> anyhow::Result<Vec<Table>> {
         let cells = [Rays::Primary, Rays::Secondary].map(|rays| Cell::number(own(rays), 2));
         Row::new(std::iter::once(Cell::text(variant)).chain(cells).collect())
     });
+    let unreliable = unreliable::sentence(
+        pairs.iter().flat_map(|(single, separate)| [*single, *separate]),
+        |entry| entry.point,
+        |entry| {
+            let way = entry.parameters.get(KERNELS).map(text).unwrap_or_default();
+            format!("{} on {}, {way}", entry.variant(), entry.scene())
+        },
+    );
     let scenes = input.sources.iter().flat_map(|source| {
         let paired = |entry: &&Entry| pairs.iter().any(|(single, _)| std::ptr::eq(*single, *entry));
         source.entries().filter(paired).map(|entry| source.place(entry))
@@ -56,7 +65,7 @@ pub fn tables(input: &Input) -> anyhow::Result<Vec<Table>> {
         name: "single-kernel".to_owned(),
         caption: format!(
             "Rates of separate kernels relative to a single kernel for all stages, on {}: the mean over the scenes \
-             ({}). Above 1, separate kernels are faster.",
+             ({}). Above 1, separate kernels are faster.{unreliable}",
             devices.join(" and "),
             in_order(scenes).join(", ")
         ),

@@ -210,3 +210,71 @@ fn labels_are_there_once() {
     labels.dedup();
     assert_eq!(labels.len(), 4, "{labels:?}");
 }
+
+fn unreliable(point: &mut record::Point) {
+    let measurement = record::example().results.into_iter().find_map(|point| point.measurement).unwrap();
+    point.measurement = Some(record::Measurement { unreliable: true, ..measurement });
+}
+
+#[test]
+fn points_of_too_few_samples_are_named_in_captions() {
+    let mut record = scenes();
+    record.results.iter_mut().for_each(|point| point.measurement = None);
+    unreliable(&mut record.results[1]);
+    let records = [record];
+    let input = Input::new(&records, &Filter::default(), None).unwrap();
+    let tables = Kind::Scene.tables(&input).unwrap();
+    let named = " Unreliable, because too few samples count: Wide4.";
+    assert_eq!([0, 1].map(|at: usize| tables[at].caption.ends_with(named)), [true, false], "{tables:?}");
+    let mut records = both_ways();
+    records.iter_mut().flat_map(|record| &mut record.results).for_each(|point| point.measurement = None);
+    unreliable(&mut records[1].results[0]);
+    let input = Input::new(&records, &Filter::default(), None).unwrap();
+    let caption = &Kind::SingleKernel.tables(&input).unwrap()[0].caption;
+    assert!(caption.ends_with("too few samples count: Wide4 on a, single."), "{caption}");
+}
+
+#[test]
+fn captions_name_the_scenes_that_were_compared() {
+    let records = [costs()];
+    let input = Input::new(&records, &Filter::default(), None).unwrap();
+    for (kind, at) in [(Kind::Best, 0), (Kind::TraversalCost, 0), (Kind::TraversalCost, 1)] {
+        let caption = &kind.tables(&input).unwrap()[at].caption;
+        assert!(caption.contains("(a, b; of Wide4 Quantized") && caption.contains(" only a)"), "{caption}");
+    }
+}
+
+/// Sizes of workgroup crossed with costs: a size of which one point does not count is there all the same.
+#[test]
+fn a_value_is_left_out_only_if_no_point_of_it_counts() {
+    let told = |weak: &[(u32, u32)]| {
+        let mut record = record();
+        record.results.clear();
+        for size in [2u32, 4, 8] {
+            for cost in [1u32, 2] {
+                let mut point = with(point("a", "Binary", 100.0, 100.0), "collapse.c_t", cost);
+                point.measurement = None;
+                if weak.contains(&(size, cost)) {
+                    unreliable(&mut point);
+                }
+                record.results.push(with(point, "trace.secondary_subgroups", size));
+            }
+        }
+        let records = [record];
+        let input = Input::new(&records, &Filter::default(), None).unwrap();
+        Kind::Workgroup.tables(&input).unwrap();
+        input.remarks.take()
+    };
+    let axis = "trace.secondary_subgroups";
+    assert!(told(&[]).is_empty());
+    assert_eq!(
+        told(&[(2, 1), (8, 2)]),
+        [format!("a, Binary: 2 of 6 points do not count for {axis}, because too few samples count")]
+    );
+    let gone = told(&[(2, 1), (8, 1), (8, 2)]);
+    assert_eq!(gone[0], format!("a, Binary, {axis}=8: left out, because too few samples count"));
+    assert_eq!(
+        gone[1],
+        format!("a, Binary: 1 of 4 points do not count for {axis}, because too few samples count")
+    );
+}

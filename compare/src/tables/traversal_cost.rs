@@ -31,8 +31,10 @@ pub fn tables(input: &Input) -> anyhow::Result<Vec<Table>> {
             value: choice.values[choice.best].value.clone(),
         });
         let caption = format!(
-            "The traversal cost cₜ chosen for each variant, on {}: that with the largest minimum over the scenes.",
-            source.all.record.device.name
+            "The traversal cost cₜ chosen for each variant, on {}: that with the largest minimum over the scenes \
+             ({}).",
+            source.all.record.device.name,
+            scenes(&choices)
         );
         tables.push(best::table("traversal-cost-chosen", caption, chosen.collect()));
     }
