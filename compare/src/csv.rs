@@ -4,9 +4,11 @@ use crate::estimate::estimate;
 use crate::figure::Figure;
 use crate::select::{Entry, Filter, Selection, in_order, text};
 use crate::tables::check_reference;
+use crate::unreliable::unreliable;
 use crate::{Exit, load::load, output::print};
 use anyhow::{Context, bail};
 use record::Rays;
+use std::cmp::Ordering;
 use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 
@@ -50,6 +52,8 @@ struct Line {
     figure: &'static str,
     value: Option<f64>,
     half_width: Option<f64>,
+    /// Whether too few samples count of the point, or of the one that the value is relative to.
+    unreliable: bool,
 }
 
 /// A record's values as CSV.
@@ -135,6 +139,10 @@ fn line(
             None => figure.of(point),
             Some(reference) => all.relative(entry, reference, figure),
         },
+        unreliable: unreliable(point)
+            || (arguments.relative_to.as_ref())
+                .and_then(|reference| all.reference(entry, reference))
+                .is_some_and(|other| unreliable(other.point)),
         half_width: rays.and_then(|rays| estimate(point, rays)).map(|estimate| estimate.half_width()),
     }
 }
@@ -150,13 +158,15 @@ fn long(keys: &[String], lines: &[Line], reference: Option<&str>) -> Vec<Vec<Str
         None => ["value", "half_width_95"],
         Some(_) => ["relative_to", "ratio"],
     };
-    let head = keys.iter().cloned().chain(["figure", last[0], last[1]].map(String::from)).collect();
+    let head =
+        keys.iter().cloned().chain(["figure", last[0], last[1], "unreliable"].map(String::from)).collect();
     let row = |line: &Line| {
         let last = match reference {
             None => [cell(line.value), cell(line.half_width)],
             Some(reference) => [reference.to_owned(), cell(line.value)],
         };
-        line.keys.iter().cloned().chain([line.figure.to_owned()]).chain(last).collect()
+        let figure = [line.figure.to_owned()];
+        line.keys.iter().cloned().chain(figure).chain(last).chain([line.unreliable.to_string()]).collect()
     };
     std::iter::once(head).chain(lines.iter().map(row)).collect()
 }
@@ -181,7 +191,10 @@ fn wide(
         let keys = line.keys.iter().enumerate().filter(|(at, _)| stays(*at)).map(|(_, key)| key.clone());
         keys.chain(place.map(|_| line.figure.to_owned())).collect()
     };
-    let columns = in_order(lines.iter().map(spread));
+    let mut columns = in_order(lines.iter().map(spread));
+    if place.is_some_and(|at| at > 2) {
+        columns.sort_by(|a, b| numbers_first(a, b));
+    }
     let name = |column: &String| match (place, reference) {
         (None, Some(_)) => format!("{column}_ratio"),
         // A number alone would not be a name.
@@ -190,24 +203,35 @@ fn wide(
     };
     let mut head: Vec<String> = (0..keys.len()).filter(|at| stays(*at)).map(|at| keys[at].clone()).collect();
     head.extend(place.map(|_| "figure".to_owned()));
+    head.push("unreliable".to_owned());
     head.extend(reference.map(|_| "relative_to".to_owned()));
     head.extend(columns.iter().map(name));
     // Rows in order of first appearance.
     let mut places: HashMap<Vec<String>, usize> = HashMap::new();
-    let mut kept: Vec<(Vec<String>, Vec<String>)> = Vec::new();
+    let mut kept: Vec<(Vec<String>, bool, Vec<String>)> = Vec::new();
     let column: HashMap<&String, usize> = columns.iter().enumerate().map(|(at, name)| (name, at)).collect();
     for line in lines {
         let own = stay(line);
         let row = *places.entry(own.clone()).or_insert_with(|| {
-            kept.push((own, vec![String::new(); columns.len()]));
+            kept.push((own, false, vec![String::new(); columns.len()]));
             kept.len() - 1
         });
-        kept[row].1[column[&spread(line)]] = cell(line.value);
+        kept[row].1 |= line.unreliable;
+        kept[row].2[column[&spread(line)]] = cell(line.value);
     }
-    let row = |(keys, values): (Vec<String>, Vec<String>)| -> Vec<String> {
-        keys.into_iter().chain(reference.map(str::to_owned)).chain(values).collect()
+    let row = |(keys, unreliable, values): (Vec<String>, bool, Vec<String>)| -> Vec<String> {
+        let keys = keys.into_iter().chain([unreliable.to_string()]);
+        keys.chain(reference.map(str::to_owned)).chain(values).collect()
     };
     Ok(std::iter::once(head).chain(kept.into_iter().map(row)).collect())
+}
+
+/// Numbers in their order, then all else as it is.
+fn numbers_first(a: &str, b: &str) -> Ordering {
+    match (a.parse::<f64>(), b.parse::<f64>()) {
+        (Ok(a), Ok(b)) => a.total_cmp(&b),
+        (a, b) => b.is_ok().cmp(&a.is_ok()),
+    }
 }
 
 #[cfg(test)]

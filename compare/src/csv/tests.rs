@@ -68,3 +68,46 @@ fn wrong_names_list_the_right_ones() {
         assert!(error.contains(expected), "{error}");
     }
 }
+
+#[test]
+fn columns_of_numbers_are_in_their_order() {
+    let mut record = record();
+    let template = record.results[0].clone();
+    record.results.clear();
+    for cost in ["8", "0", "1", "auto", "2", "16", "-1"] {
+        let mut point = template.clone();
+        match cost.parse::<f64>() {
+            Ok(number) => point.parameters.set("collapse.c_t", number),
+            Err(_) => point.parameters.set("collapse.c_t", cost),
+        }
+        record.results.push(point);
+    }
+    let text = csv(&record, &asked(&["--wide", "collapse.c_t", "--figure", "primary_mrps"])).unwrap();
+    let head = text.lines().next().unwrap();
+    let columns: Vec<&str> = head.split(',').filter_map(|name| name.strip_prefix("collapse.c_t=")).collect();
+    assert_eq!(columns, ["-1", "0", "1", "2", "8", "16", "auto"]);
+}
+
+#[test]
+fn points_of_too_few_samples_are_marked() {
+    let mut record = record();
+    let measurement = record::example().results.into_iter().find_map(|point| point.measurement).unwrap();
+    record.results.iter_mut().for_each(|point| point.measurement = None);
+    record.results[0].measurement = Some(record::Measurement { unreliable: true, ..measurement });
+    let marks = |text: &[&str]| -> Vec<bool> {
+        let text = csv(&record, &asked(text)).unwrap();
+        let mut reader = Reader::from_reader(text.as_bytes());
+        let at = reader.headers().unwrap().iter().position(|name| name == "unreliable").unwrap();
+        reader.records().map(|row| row.unwrap()[at].parse().unwrap()).collect()
+    };
+    assert_eq!(marks(&["--figure", "primary_mrps"]), [true, false, false, false]);
+    assert_eq!(marks(&["--wide", "figure"]), [true, false, false, false]);
+    // What is relative to it is no better, and neither is a row that has it.
+    assert_eq!(
+        marks(&["--figure", "primary_mrps", "--variant", "Binary", "--wide", "variant"]),
+        [true, false]
+    );
+    let second = &record.results[1].variant;
+    let of_second = ["--figure", "primary_mrps", "--variant", second, "--relative-to", "Binary"];
+    assert_eq!(marks(&of_second), [false, true]);
+}
