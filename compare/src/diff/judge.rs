@@ -6,7 +6,7 @@ use super::pair::{Pair, Pairs};
 use super::verdict::{Evidence, Thresholds, Verdict};
 use crate::figure::Figure;
 use crate::select::{Pass, in_order};
-use crate::stats::{Cell, Interval, Random, blocks, holm, intervals, least_p, p_values, permutations};
+use crate::stats::{Cell, Random, blocks, holm, intervals_of_joined, least_p, p_values, permutations};
 use rayon::prelude::*;
 
 impl Comparison {
@@ -67,21 +67,14 @@ impl Family<'_> {
         let mut random = Random::named(&format!("{} {} {}", self.variant, self.pass, self.figure.column()));
         let cells: Vec<&Cell> = self.cells.iter().map(|(_, cell)| cell).collect();
         let joined: Vec<Cell> = cells.iter().map(|cell| blocks::joined(cell)).collect();
-        // Blocks differ in length by one, so their mean may differ a little from that of all values.
-        let shift: Vec<f64> =
-            cells.iter().zip(&joined).map(|(cell, joined)| cell.log_ratio() - joined.log_ratio()).collect();
-        let moved = |interval: Interval, shift: f64| Interval {
-            low: interval.low * shift.exp(),
-            high: interval.high * shift.exp(),
-        };
-        let (each, mean) = intervals(&joined, &mut random);
+        let (each, mean) = intervals_of_joined(&cells, &joined, &mut random);
         let p = p_values(&joined, most, &mut random);
         let count = cells.len() as f64;
         let mut evidence: Vec<Evidence> = (0..cells.len())
             .map(|at| Evidence {
                 figure: self.figure,
                 ratio: cells[at].log_ratio().exp(),
-                interval: each[at].map(|interval| moved(interval, shift[at])),
+                interval: each[at],
                 p: p.as_ref().map(|p| p.cells[at]).filter(|_| each[at].is_some()),
                 variance: joined[at].variance(),
                 samples: cells[at].least(),
@@ -94,7 +87,7 @@ impl Family<'_> {
             evidence.push(Evidence {
                 figure: self.figure,
                 ratio: (cells.iter().map(|cell| cell.log_ratio()).sum::<f64>() / count).exp(),
-                interval: mean.map(|interval| moved(interval, shift.iter().sum::<f64>() / count)),
+                interval: mean,
                 p: p.map(|p| p.mean).filter(|_| mean.is_some()),
                 variance: variances.map(|all| all.iter().sum::<f64>() / (count * count)),
                 samples: cells.iter().map(|cell| cell.least()).min().unwrap_or(0),

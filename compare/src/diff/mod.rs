@@ -12,7 +12,7 @@ pub mod commit;
 mod comparison;
 mod judge;
 pub mod markdown;
-mod obstacle;
+pub mod obstacle;
 pub mod pair;
 mod percent;
 mod remark;

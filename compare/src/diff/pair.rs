@@ -1,6 +1,5 @@
-//! Which points of two records belong together, and what stands against comparing them.
+//! Which points of two records belong together.
 
-pub use super::obstacle::{device_obstacle, obstacles, run_obstacles, scene_obstacles};
 use crate::select::{Entry, Pass, Selection, in_order};
 use std::collections::BTreeSet;
 

@@ -1,7 +1,7 @@
 //! Several records as one.
 
 use crate::diff::Named;
-use crate::diff::pair::{device_obstacle, run_obstacles, scene_obstacles};
+use crate::diff::obstacle::{device_obstacle, run_obstacles, scene_obstacles};
 use crate::select::{Entry, Filter, Selection};
 use record::Record;
 

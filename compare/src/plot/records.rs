@@ -7,7 +7,8 @@ use super::notes::{self, Found};
 use super::pairs::SHOWN;
 use super::ratios::{Pair, only, settled};
 use super::scenes::{Shown, bars, series_of_arities};
-use crate::diff::pair::{self as compared, obstacles};
+use crate::diff::obstacle::obstacles;
+use crate::diff::pair as compared;
 use crate::select::Selection;
 
 /// One chart a flavour, of the points that both have. What stands against comparing the two is said in their notes.

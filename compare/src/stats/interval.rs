@@ -52,10 +52,19 @@ pub fn intervals_of_samples(
     random: &mut Random,
 ) -> (Vec<Option<Interval>>, Option<Interval>) {
     let joined: Vec<Cell> = cells.iter().map(blocks::joined).collect();
+    intervals_of_joined(cells, &joined, random)
+}
+
+/// The same, with the cells' blocks at hand.
+pub fn intervals_of_joined<C: std::borrow::Borrow<Cell>>(
+    cells: &[C],
+    joined: &[Cell],
+    random: &mut Random,
+) -> (Vec<Option<Interval>>, Option<Interval>) {
     // Blocks differ in length by one, so their mean may differ a little from that of all values.
-    let shifts: Vec<f64> =
-        cells.iter().zip(&joined).map(|(cell, joined)| cell.log_ratio() - joined.log_ratio()).collect();
-    let (each, mean) = intervals(&joined, random);
+    let shift = |(cell, joined): (&C, &Cell)| cell.borrow().log_ratio() - joined.log_ratio();
+    let shifts: Vec<f64> = cells.iter().zip(joined).map(shift).collect();
+    let (each, mean) = intervals(joined, random);
     let each = each.into_iter().zip(&shifts).map(|(interval, shift)| Some(interval?.moved(*shift)));
     let of_mean = shifts.iter().sum::<f64>() / shifts.len() as f64;
     (each.collect(), mean.map(|interval| interval.moved(of_mean)))

@@ -25,7 +25,7 @@ mod random;
 
 pub use cell::{Cell, Group, Middle, least_p, ways};
 pub use holm::holm;
-pub use interval::{Interval, LEVEL, intervals, intervals_of_samples};
+pub use interval::{Interval, LEVEL, intervals, intervals_of_joined, intervals_of_samples};
 pub use permutation::{PValues, p_values, permutations};
 pub use power::{Goal, samples};
 pub use random::Random;
