@@ -82,30 +82,36 @@ const MORE: &str = r#"Exit status
   2  a wrong option
 
 slangc
-  is the one that --slangc or the environment's SLANGC names; else the one on PATH; else the newest that scripts/setup
-  has put into $XDG_DATA_HOME/broadleaf (~/.local/share/broadleaf). It is run with -O0, because not every slangc has
-  an optimizer; -O runs spirv-opt on the result, and a slangc that has one takes -- -O2.
-  What follows -- is for the kernel; of that, the modules too get what is about warnings (-W…, -warnings-…), -std and
-  -matrix-layout-….
-  spirv-val and spirv-opt are looked for on PATH, and beside slangc.
+  is the one that --slangc or the environment's SLANGC names; else the one on PATH; else the newest
+  that scripts/setup has put into $XDG_DATA_HOME/broadleaf (~/.local/share/broadleaf). It is run
+  with -O0, because not every slangc has an optimizer; -O runs spirv-opt on the result, and a slangc
+  that has one takes -- -O2. What follows -- is for the kernel; of that, the modules too get what is
+  about warnings (-W…, -warnings-…), -std and -matrix-layout-…. spirv-val and spirv-opt are looked
+  for on PATH, and beside slangc.
 
 Specialisation
-  In the kernel:    extern static const int ARITY;            extern struct Node : INode;
-  In wide4.slang:   export static const int ARITY = 4;        export struct Node : INode = WideNode<4>;
+  In the kernel:
+    extern static const int ARITY;
+    extern struct Node : INode;
+  In wide4.slang:
+    export static const int ARITY = 4;
+    export struct Node : INode = WideNode<4>;
   slang-depbuild kernel.slang --specialize wide4.slang -o kernel.spv
 
 make
   KERNELS := closest-wide4.spv closest-wide8.spv
   all: $(KERNELS)
   closest-%.spv: closest.slang %.slang
-  	slang-depbuild -q $< --specialize $*.slang -I shared -o $@ --depfile $@.d --phony
+  	slang-depbuild -q $< --specialize $*.slang -I shared \
+  	    -o $@ --depfile $@.d --phony
   -include $(KERNELS:=.d)
 
 CMake
   add_custom_command(
     OUTPUT closest-wide4.spv
     COMMAND slang-depbuild -q "${CMAKE_CURRENT_SOURCE_DIR}/closest.slang"
-            --specialize "${CMAKE_CURRENT_SOURCE_DIR}/wide4.slang" -I "${CMAKE_CURRENT_SOURCE_DIR}/shared"
+            --specialize "${CMAKE_CURRENT_SOURCE_DIR}/wide4.slang"
+            -I "${CMAKE_CURRENT_SOURCE_DIR}/shared"
             -o closest-wide4.spv --depfile closest-wide4.d
     DEPENDS closest.slang wide4.slang
     DEPFILE closest-wide4.d

@@ -316,7 +316,10 @@ impl<'a> Build<'a> {
         for folder in &self.include_folders {
             command.arg("-I").arg(folder);
         }
-        command.args(self.job.macros.iter().map(|text| format!("-D{text}")));
+        for text in &self.job.macros {
+            let text = self.mirror.redirected(text.as_bytes());
+            command.arg(format!("-D{}", String::from_utf8_lossy(&text)));
+        }
         for capability in &self.job.capabilities {
             command.args(["-capability", capability]);
         }

@@ -2,7 +2,8 @@
 //!
 //! `slangc` resolves `import wide4` by looking for `wide4.slang-module` in every folder before it looks for
 //! `wide4.slang`, and no option stops it. So it is given folders without modules: each source is copied from
-//! `/a/b.slang` to `<root>/a/b.slang`, which leaves all relative paths between sources as they are.
+//! `/a/b.slang` to `<root>/a/b.slang`, which leaves all relative paths between sources as they are;
+//! absolute ones are replaced.
 //!
 //! Which files the compiler will want is not known before it has run, and only its preprocessor could tell.
 //! But each of them is called by a word of a source or by a macro: `import layout.wide4;`, `#include "ray.h"`,
@@ -90,6 +91,23 @@ impl Mirror {
         messages.replace(&self.root.to_string_lossy()[..], "")
     }
 
+    /// A text in which the absolute paths of files are those of their copies.
+    pub fn redirected(&self, text: &[u8]) -> Vec<u8> {
+        let mut redirected = Vec::with_capacity(text.len());
+        for (at, &byte) in text.iter().enumerate() {
+            redirected.push(byte);
+            let after = &text[at + 1..];
+            if matches!(byte, b'"' | b'<') && after.starts_with(b"/") {
+                let end = after.iter().position(|&byte| matches!(byte, b'"' | b'>' | b'\\' | b'\n'));
+                let name = end.and_then(|end| std::str::from_utf8(&after[..end]).ok()).unwrap_or_default();
+                if Path::new(name).is_file() || Path::new(&format!("{name}.slang")).is_file() {
+                    redirected.extend(self.root.as_os_str().as_encoded_bytes());
+                }
+            }
+        }
+        redirected
+    }
+
     fn copy_of(&self, path: &Path) -> PathBuf {
         let below = |part: &Component| matches!(part, Component::Normal(_));
         self.root.join(path.components().filter(below).collect::<PathBuf>())
@@ -130,7 +148,7 @@ impl Mirror {
         let target = fs::canonicalize(path)?;
         if !(target != *path && self.link(&target, &copy)?) {
             let contents = fs::read(path)?;
-            fs::write(&copy, &contents)?;
+            fs::write(&copy, self.redirected(&contents))?;
             self.add_words(&contents);
         }
         self.originals.insert(copy, path.to_owned());

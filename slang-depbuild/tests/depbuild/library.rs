@@ -118,7 +118,25 @@ fn a_stale_module_is_not_used() {
     assert_eq!(beside_stale_ones, tree.spirv(&job));
 }
 
-/// Shows that the test above tests something: this is why the sources are copied.
+#[test]
+fn absolute_paths_lead_to_no_stale_module_either() {
+    let Some(tree) = Tree::new() else { return };
+    let er = tree.path("shared/deep/er");
+    tree.replace("shared/node.slang", "\"deep/er\"", &format!("{er:?}"));
+    let mut job = tree.job("deep4.slang");
+    job.macros = vec![format!("SCALE_H={:?}", tree.path("scale.h"))];
+    tree.replace("kernel.slang", "\"scale.h\"", "SCALE_H");
+    let fresh = tree.spirv(&job);
+    tree.leave_module("shared/deep/er.slang");
+    tree.replace("shared/deep/er.slang", "return 5", "return 55");
+    let compiled = tree.compile(&job).unwrap();
+    assert_ne!(fs::read(&job.output).unwrap(), fresh);
+    for source in ["scale.h", "shared/deep/er.slang"] {
+        assert!(compiled.dependencies.contains(&tree.path(source)), "{source} is listed");
+    }
+}
+
+/// Shows that the tests above test something: this is why the sources are copied.
 #[test]
 fn slangc_alone_would_use_it() {
     let Some(tree) = Tree::new() else { return };
