@@ -1,3 +1,5 @@
+#[cfg(unix)]
+use crate::support::script;
 use crate::support::{Tree, modified};
 use slang_depbuild::Depfile;
 use std::fs;
@@ -104,16 +106,11 @@ fn without_slangc_it_says_how_to_get_it() {
 #[cfg(unix)]
 #[test]
 fn the_newest_slangc_that_was_set_up_is_used() {
-    use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().unwrap();
     for version in ["2026.9", "2026.14.1", "2025.24.2"] {
-        let bin = folder.path().join(format!("broadleaf/slang-{version}/bin"));
-        fs::create_dir_all(&bin).unwrap();
-        let script = format!(
-            "#!/bin/sh\n[ \"$1\" = -version ] && echo {version} && exit\necho 'error: not today' >&2; exit 1\n"
-        );
-        fs::write(bin.join("slangc"), script).unwrap();
-        fs::set_permissions(bin.join("slangc"), fs::Permissions::from_mode(0o755)).unwrap();
+        let text =
+            format!("[ \"$1\" = -version ] && echo {version} && exit\necho 'error: not today' >&2; exit 1");
+        script(&folder.path().join(format!("broadleaf/slang-{version}/bin/slangc")), &text);
     }
     let kernel = folder.path().join("k.slang");
     fs::write(&kernel, "").unwrap();
@@ -129,11 +126,9 @@ fn the_newest_slangc_that_was_set_up_is_used() {
 #[cfg(unix)]
 #[test]
 fn a_compiler_that_crashes_is_not_an_error_in_the_source() {
-    use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().unwrap();
     let slangc = folder.path().join("slangc");
-    fs::write(&slangc, "#!/bin/sh\nkill -ABRT $$\n").unwrap();
-    fs::set_permissions(&slangc, fs::Permissions::from_mode(0o755)).unwrap();
+    script(&slangc, "kill -ABRT $$");
     fs::write(folder.path().join("k.slang"), "").unwrap();
     let mut command = program();
     command.args(["k.slang", "-o", "k.spv", "--slangc"]).arg(&slangc).current_dir(&folder);

@@ -151,6 +151,16 @@ impl Tree {
     }
 }
 
+/// Makes a program of a script. A child writes it: if this process did, another test's child could hold it open
+/// for writing at the moment when it is to be run.
+#[cfg(unix)]
+pub fn script(path: &Path, text: &str) {
+    fs::create_dir_all(path.parent().unwrap()).unwrap();
+    let write = "printf '#!/bin/sh\\n%s\\n' \"$2\" >\"$1\" && chmod 755 \"$1\"";
+    let status = Command::new("sh").args(["-c", write, "sh"]).arg(path).arg(text).status();
+    assert!(status.unwrap().success());
+}
+
 pub fn modified(path: &Path) -> SystemTime {
     fs::metadata(path).unwrap().modified().unwrap()
 }
