@@ -174,6 +174,9 @@ pub enum Command {
     /// First comes what one multiprocessor has, where that is known, then a row for each variant and kind of
     /// rays. Registers, memory and spills are what the driver's compiler tells; Mesa's CPU driver tells nothing.
     Resources {
+        /// Variants to show; `*` stands for anything, `all` for every variant
+        #[arg(long, value_name = "NAME", default_value = "all")]
+        variant: Vec<String>,
         #[command(flatten)]
         tuning: Tuning,
         /// Print JSON, with all that the driver tells under its own names

@@ -202,6 +202,7 @@ pub fn variants(tuning: &args::Tuning, json: bool) -> anyhow::Result<()> {
             all.push(serde_json::json!({
                 "name": variant.name(),
                 "language": variant.language(),
+                "missing": variant.missing(),
                 "children": variant.layout.arity(),
                 "node_bytes": bytes,
                 "stride_bytes": stride,
@@ -214,7 +215,10 @@ pub fn variants(tuning: &args::Tuning, json: bool) -> anyhow::Result<()> {
         }
         rows.add_row([
             variant.to_string(),
-            variant.language().to_owned(),
+            match variant.missing() {
+                None => variant.language().to_owned(),
+                Some(_) => format!("{}, unavailable", variant.language()),
+            },
             variant.layout.arity().to_string(),
             if stride == bytes { bytes.to_string() } else { format!("{bytes} in {stride}") },
             if variant.layout.is_quantized() { "8 bits a plane" } else { "32 bits a plane" }.to_owned(),
@@ -227,8 +231,10 @@ pub fn variants(tuning: &args::Tuning, json: bool) -> anyhow::Result<()> {
         return print(&serde_json::to_string_pretty(&all)?);
     }
     table::align(&mut rows, &[0, 1, 4, 5]);
+    let unavailable = Variant::ALL.iter().find_map(|variant| variant.missing());
+    let unavailable = unavailable.map(|reason| format!("\n\nunavailable: {reason}")).unwrap_or_default();
     print(&format!(
-        "{}\n\ncontraction: sah by surface area and triangles, cbtc by visits of sample rays from the view. c_t: what\n\
+        "{}{unavailable}\n\ncontraction: sah by surface area and triangles, cbtc by visits of sample rays from the view. c_t: what\n\
          visiting a node costs when leaves are merged. subgroups: of a workgroup, for primary and secondary rays.\n\
          All of these are parameters; `--set` changes them, as it does in `runner run`.",
         table::shown(&rows)
@@ -240,6 +246,7 @@ struct Stage {
     session: Session,
     loaded: Loaded,
     plant: Plant,
+    variant: Variant,
     params: Params,
     camera: Camera,
     view: String,
@@ -254,7 +261,7 @@ impl Stage {
         let view = loaded.scene.views[loaded.views(Some(&seen.view))?[0]].clone();
         let camera = Camera::new(&view, size.width, size.height);
         let plant = session.plant(&loaded, variant, &params, None, 1, |_| ())?;
-        Ok(Self { session, loaded, plant, params, camera, view: view.name })
+        Ok(Self { session, loaded, plant, variant, params, camera, view: view.name })
     }
 
     /// The tree for the camera.
@@ -277,7 +284,7 @@ pub fn render(global: &Global, render: &args::Render) -> anyhow::Result<()> {
     let tracer = PathTracer::new(&session.gpu, device, (size.width, size.height), &path, counting)?;
     let tree = &stage.tree(&tracer)?;
     let counted = if counting { Counting::Rays } else { Counting::Nothing };
-    let traversal = session.traversal(tree, &stage.params, counted)?;
+    let traversal = session.traversal(tree, stage.variant, &stage.params, counted)?;
 
     let picture = if let Some(heatmap) = render.heatmap {
         let of = |c: &Counts| match heatmap {
@@ -324,7 +331,7 @@ pub fn rays(global: &Global, rays: &args::Rays) -> anyhow::Result<()> {
     let device = &stage.loaded.device;
     let tracer = PathTracer::new(&session.gpu, device, (size.width, size.height), &path, false)?;
     let tree = stage.tree(&tracer)?;
-    let traversal = session.traversal(&tree, &stage.params, Counting::Nothing)?;
+    let traversal = session.traversal(&tree, stage.variant, &stage.params, Counting::Nothing)?;
     let mut found = None;
     tracer.clear()?;
     tracer.wavefronts(&traversal, &tree, &stage.camera, 0, |wave| {
@@ -371,7 +378,7 @@ pub fn trace(global: &Global, trace: &args::Trace) -> anyhow::Result<()> {
         Plant::Planted(planted) => planted.tree,
         Plant::Seedling(seedling) => seedling.grow_from(gpu, &loaded, &rays)?.tree,
     };
-    let traversal = session.traversal(&tree, &params, Counting::Nothing)?;
+    let traversal = session.traversal(&tree, variant, &params, Counting::Nothing)?;
     let memory = TraceMemory::new(gpu, &rays)?;
     let wave = if trace.primary { Wave::Primary } else { Wave::Secondary };
     let mut times = Vec::new();

@@ -43,7 +43,9 @@ fn main() -> ExitCode {
         Command::Trace(trace) => commands::trace(&cli.global, trace),
         Command::Variants { json, tuning } => commands::variants(tuning, *json),
         Command::Validate(validate) => validate::validate(&cli.global, validate),
-        Command::Resources { tuning, json } => resources::resources(&cli.global, tuning, *json),
+        Command::Resources { variant, tuning, json } => {
+            resources::resources(&cli.global, variant, tuning, *json)
+        }
         Command::Schema => commands::schema(),
         Command::Config(ConfigCommand::Schema) => commands::config_schema(),
         Command::Completions { shell } => commands::completions(*shell),

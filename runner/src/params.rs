@@ -8,6 +8,7 @@ use tracer::{
     builder::BuildParams,
     contract::{ContractParams, Contraction, Form},
     layout::Layout,
+    traverse::{Language, Technique},
 };
 
 use crate::variant::Variant;
@@ -30,6 +31,10 @@ pub struct Params {
     pub layout: tracer::layout::LayoutParams,
     /// Traversal.
     pub trace: tracer::traverse::Params,
+    /// What is done differently in GLSL.
+    pub glsl: Technique,
+    /// What is done differently in Slang.
+    pub slang: Technique,
 }
 
 /// Contraction: a method for variants that go by area and one for those that go by view.
@@ -87,6 +92,16 @@ impl Params {
             contract: ContractParams { method, alpha, form },
             layout: self.layout.clone(),
         }
+    }
+
+    /// What the traversal of a variant takes.
+    pub fn trace(&self, variant: Variant) -> tracer::traverse::Params {
+        let language = variant.language;
+        let technique = match language {
+            Language::Glsl => self.glsl,
+            Language::Slang => self.slang,
+        };
+        tracer::traverse::Params { language, technique, ..self.trace.clone() }
     }
 
     /// Applies assignments such as `collapse.c_t=3`, all or none.

@@ -50,16 +50,16 @@ fn of_record(name: &str, purpose: &str, takes: &Resources) -> record::Kernel {
 }
 
 /// `runner resources`.
-pub fn resources(global: &Global, tuning: &Tuning, json: bool) -> anyhow::Result<()> {
+pub fn resources(global: &Global, variants: &[String], tuning: &Tuning, json: bool) -> anyhow::Result<()> {
     let session = Session::open(global)?;
     let info = session.gpu.info();
     let mut report = Report::new(info);
     // Those that go by view are traced by the same kernels.
-    for &variant in Variant::ALL.iter().filter(|v| !v.by_view) {
+    for variant in Variant::select(variants)?.into_iter().filter(|v| !v.by_view) {
         let params = Params::with(variant, &tuning.set)?;
         let (layout, stride) = (variant.layout, variant.layout.stride(&params.layout));
         let no_tree = Tree { nodes: 0, triangles: 0, layout, stride, stack: 0, extent: 0.0 };
-        let traversal = session.traversal(&no_tree, &params, Counting::Nothing)?;
+        let traversal = session.traversal(&no_tree, variant, &params, Counting::Nothing)?;
         for (wave, purpose) in PURPOSES {
             let kernel = traversal.kernel(wave);
             report.kernels.push(Row {

@@ -281,8 +281,11 @@ impl Session {
     ) -> anyhow::Result<Plant> {
         let context = || format!("building {variant} for {}", loaded.scene.name);
         let (count, extent) = (loaded.device.triangles, loaded.device.extent);
-        let first =
-            Variant { layout: if variant.by_view { Layout::Binary } else { variant.layout }, by_view: false };
+        let first = Variant {
+            layout: if variant.by_view { Layout::Binary } else { variant.layout },
+            by_view: false,
+            ..variant
+        };
         let builder = Builder::new(&self.gpu, &params.build(first), first.layout).with_context(context)?;
         let workspace = builder.workspace(count).with_context(context)?;
         let build =
@@ -312,7 +315,7 @@ impl Session {
         Ok(Plant::Seedling(Box::new(Seedling {
             variant,
             params: params.clone(),
-            sampler: self.traversal(&tree, params, Counting::Visits)?,
+            sampler: self.traversal(&tree, variant, params, Counting::Visits)?,
             visits: VisitCounter::new(&self.gpu, count).with_context(context)?,
             wide: widen.workspace(count).with_context(context)?,
             widen,
@@ -322,12 +325,18 @@ impl Session {
         })))
     }
 
-    /// The traversal kernels for a tree.
+    /// The traversal kernels of a variant for a tree, whichever layout that has.
     ///
     /// # Errors
-    /// A workgroup size the device cannot run.
-    pub fn traversal(&self, tree: &Tree, params: &Params, counting: Counting) -> anyhow::Result<Traversal> {
-        Ok(Traversal::new(&self.gpu, &params.trace, tree, counting)?)
+    /// A workgroup size the device cannot run, or a technique it cannot.
+    pub fn traversal(
+        &self,
+        tree: &Tree,
+        variant: Variant,
+        params: &Params,
+        counting: Counting,
+    ) -> anyhow::Result<Traversal> {
+        Ok(Traversal::new(&self.gpu, &params.trace(variant), tree, counting)?)
     }
 
     /// Fails when the validation layer has complained.

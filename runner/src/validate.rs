@@ -143,7 +143,7 @@ fn check(
         views.iter().map(|&v| Camera::new(&loaded.scene.views[v], size.0, size.1)).collect();
 
     // Rays of every view and depth, and what they hit in the binary tree.
-    let plain = session.traversal(&reference, params, Counting::Nothing)?;
+    let plain = session.traversal(&reference, Variant::BINARY, params, Counting::Nothing)?;
     let mut rays: Vec<Ray> = Vec::new();
     let mut hits: Vec<Hit> = Vec::new();
     tracer.clear()?;
@@ -161,7 +161,7 @@ fn check(
     let widen = Widen::new(gpu, &params.build(variant), variant.layout)?;
     let wide = widen.workspace(count)?;
     let visits = contract::VisitCounter::new(gpu, count)?;
-    let sampler = session.traversal(&reference, params, Counting::Visits)?;
+    let sampler = session.traversal(&reference, variant, params, Counting::Visits)?;
     // A variant that goes by view has a tree for each; the others have one for all.
     let own_views = if variant.by_view { cameras.len() } else { 1 };
     for view in 0..own_views {
@@ -227,7 +227,7 @@ fn check(
         )?;
 
         let own = wide.tree(&summary, extent);
-        let traversal = session.traversal(&own, params, Counting::Nothing)?;
+        let traversal = session.traversal(&own, variant, params, Counting::Nothing)?;
         // Each kind of wavefront has a kernel of its own, and both have to find the hits of all rays.
         for wave in [Wave::Primary, Wave::Secondary] {
             let found = trace(session, &traversal, wave, &own, &rays)?;

@@ -1,92 +1,161 @@
 //! The variants: ways of building and storing a tree that can be measured against each other.
 
+use std::collections::HashMap;
 use std::fmt;
+use std::sync::LazyLock;
 use tracer::layout::Layout;
+use tracer::traverse::Language::{self, Glsl, Slang};
 
-/// A variant; its name follows the thesis: `<Arity> [Quantized] [CBTC]`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A variant; its name follows the thesis: `<Arity> [Slang] [Quantized] [CBTC]`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Variant {
     /// How nodes are stored, and how many children they have.
     pub layout: Layout,
+    /// What its traversal is written in.
+    pub language: Language,
     /// Whether boxes share a node according to how often sample rays of a view visit them.
     pub by_view: bool,
 }
 
-const fn of(layout: Layout, by_view: bool) -> Variant {
-    Variant { layout, by_view }
+const fn of(layout: Layout, language: Language, by_view: bool) -> Variant {
+    Variant { layout, language, by_view }
+}
+
+/// All ways to trace a layout that is not binary, in the thesis's order.
+const fn wide(uncompressed: Layout, quantized: Layout) -> [Variant; 8] {
+    [
+        of(uncompressed, Glsl, false),
+        of(uncompressed, Glsl, true),
+        of(quantized, Glsl, false),
+        of(quantized, Glsl, true),
+        of(uncompressed, Slang, false),
+        of(uncompressed, Slang, true),
+        of(quantized, Slang, false),
+        of(quantized, Slang, true),
+    ]
 }
 
 impl Variant {
     /// The one that all others are compared with.
-    pub const BINARY: Self = of(Layout::Binary, false);
+    pub const BINARY: Self = of(Layout::Binary, Glsl, false);
 
     /// Every variant, in the order of tables.
-    pub const ALL: &[Self] = &[
-        Self::BINARY,
-        of(Layout::Wide4, false),
-        of(Layout::Wide4, true),
-        of(Layout::Quantized4, false),
-        of(Layout::Quantized4, true),
-        of(Layout::Wide6, false),
-        of(Layout::Wide6, true),
-        of(Layout::Quantized6, false),
-        of(Layout::Quantized6, true),
-        of(Layout::Wide8, false),
-        of(Layout::Wide8, true),
-        of(Layout::Quantized8, false),
-        of(Layout::Quantized8, true),
-    ];
+    pub const ALL: &[Self] = {
+        const BINARY: [Variant; 2] = [Variant::BINARY, of(Layout::Binary, Slang, false)];
+        const WIDE: [[Variant; 8]; 3] = [
+            wide(Layout::Wide4, Layout::Quantized4),
+            wide(Layout::Wide6, Layout::Quantized6),
+            wide(Layout::Wide8, Layout::Quantized8),
+        ];
+        const ALL: [Variant; 26] = {
+            let mut all = [Variant::BINARY; 26];
+            all[1] = BINARY[1];
+            let mut at = 0;
+            while at < 24 {
+                all[2 + at] = WIDE[at / 8][at % 8];
+                at += 1;
+            }
+            all
+        };
+        &ALL
+    };
 
-    /// As the thesis writes it.
+    /// As the thesis writes it: arity, language unless GLSL, `Quantized`, and `CBTC` where it goes by view.
     pub fn name(self) -> &'static str {
-        match (self.layout, self.by_view) {
-            (Layout::Binary, false) => "Binary",
-            (Layout::Binary, true) => "Binary CBTC",
-            (Layout::Wide4, false) => "Wide4",
-            (Layout::Wide4, true) => "Wide4 CBTC",
-            (Layout::Quantized4, false) => "Wide4 Quantized",
-            (Layout::Quantized4, true) => "Wide4 Quantized CBTC",
-            (Layout::Wide6, false) => "Wide6",
-            (Layout::Wide6, true) => "Wide6 CBTC",
-            (Layout::Quantized6, false) => "Wide6 Quantized",
-            (Layout::Quantized6, true) => "Wide6 Quantized CBTC",
-            (Layout::Wide8, false) => "Wide8",
-            (Layout::Wide8, true) => "Wide8 CBTC",
-            (Layout::Quantized8, false) => "Wide8 Quantized",
-            (Layout::Quantized8, true) => "Wide8 Quantized CBTC",
-        }
+        // Names are asked for all the time, and there are 28 of them.
+        static NAMES: LazyLock<HashMap<Variant, String>> = LazyLock::new(|| {
+            let all = Layout::ALL.iter().flat_map(|&layout| {
+                Language::ALL.map(|language| [false, true].map(|by_view| of(layout, language, by_view)))
+            });
+            all.flatten().map(|variant| (variant, variant.spelled())).collect()
+        });
+        &NAMES[&self]
+    }
+
+    fn spelled(self) -> String {
+        let arity = match self.layout {
+            Layout::Binary => "Binary",
+            Layout::Wide4 | Layout::Quantized4 => "Wide4",
+            Layout::Wide6 | Layout::Quantized6 => "Wide6",
+            Layout::Wide8 | Layout::Quantized8 => "Wide8",
+        };
+        let words = [
+            ("Slang", self.language == Slang),
+            ("Quantized", self.layout.is_quantized()),
+            ("CBTC", self.by_view),
+        ];
+        let words = words.iter().filter(|(_, holds)| *holds).map(|(word, _)| *word);
+        std::iter::once(arity).chain(words).collect::<Vec<_>>().join(" ")
     }
 
     /// What its traversal is written in.
     pub fn language(self) -> &'static str {
-        "GLSL"
+        match self.language {
+            Glsl => "GLSL",
+            Slang => "Slang",
+        }
     }
 
-    /// The variants that any of `patterns` names, each once: `*` stands for any text, `all` for every
-    /// variant, and case does not matter.
+    /// Why this build does not have it; nothing where it does.
+    pub fn missing(self) -> Option<&'static str> {
+        self.language.missing()
+    }
+
+    /// The variants that `pattern` names, whether this build has them or not: `*` stands for any text, `all` for
+    /// every variant, and case does not matter. A `!` before it is not looked at.
+    ///
+    /// # Errors
+    /// It names none.
+    pub fn named(pattern: &str) -> anyhow::Result<Vec<Self>> {
+        let wanted = pattern.trim_start_matches('!').to_lowercase();
+        // `* Slang *` means `Wide4 Slang` too: with a space behind it, as if another word could follow.
+        let is = |name: String| matches(&wanted, &name) || matches(&wanted, &(name + " "));
+        let named: Vec<Self> = Self::ALL
+            .iter()
+            .filter(|variant| wanted == "all" || is(variant.name().to_lowercase()))
+            .copied()
+            .collect();
+        if named.is_empty() {
+            let names: Vec<_> = Self::ALL.iter().map(|v| v.name()).collect();
+            anyhow::bail!("no variant {pattern:?}; there are: {}", names.join(", "));
+        }
+        Ok(named)
+    }
+
+    /// The variants that any of `patterns` names, each once, less those that a later pattern with a `!` before it
+    /// names.
     ///
     /// # Errors
     /// A pattern names none.
-    pub fn select(patterns: &[String]) -> anyhow::Result<Vec<Self>> {
+    pub fn choose(patterns: &[String]) -> anyhow::Result<Vec<Self>> {
         let mut chosen = Vec::new();
         for pattern in patterns {
-            let everything = pattern.eq_ignore_ascii_case("all");
-            let wanted = pattern.to_lowercase();
-            let mut known = false;
-            for &variant in Self::ALL {
-                if everything || matches(&wanted, &variant.name().to_lowercase()) {
-                    known = true;
-                    if !chosen.contains(&variant) {
-                        chosen.push(variant);
-                    }
-                }
-            }
-            if !known {
-                let names: Vec<_> = Self::ALL.iter().map(|v| v.name()).collect();
-                anyhow::bail!("no variant {pattern:?}; there are: {}", names.join(", "));
+            let named = Self::named(pattern)?;
+            if pattern.starts_with('!') {
+                chosen.retain(|variant| !named.contains(variant));
+            } else {
+                chosen.extend(
+                    named.into_iter().filter(|variant| !chosen.contains(variant)).collect::<Vec<_>>(),
+                );
             }
         }
         Ok(chosen)
+    }
+
+    /// Those of [`Variant::choose`] that this build has.
+    ///
+    /// # Errors
+    /// A pattern names none, or this build has none of them.
+    pub fn select(patterns: &[String]) -> anyhow::Result<Vec<Self>> {
+        let chosen = Self::choose(patterns)?;
+        let there: Vec<Self> = chosen.iter().filter(|variant| variant.missing().is_none()).copied().collect();
+        match (chosen.first(), there.is_empty()) {
+            (None, _) => anyhow::bail!("{} leaves no variant", patterns.join(", ")),
+            (Some(first), true) => {
+                anyhow::bail!("this build is without {first}: {}", first.missing().unwrap_or_default())
+            }
+            _ => Ok(there),
+        }
     }
 
     /// The one variant that `name` names.
@@ -133,9 +202,19 @@ mod tests {
     #[test]
     fn variants_are_chosen_once_and_wrong_names_are_explained() {
         let all = Variant::select(&["all".into(), "binary".into(), "*".into()]).unwrap();
-        assert_eq!(all, Variant::ALL);
-        assert_eq!(Variant::select(&["Wide*".into()]).unwrap().len(), 12);
-        assert_eq!(Variant::select(&["wide6*cbtc".into()]).unwrap().len(), 2);
+        let built: Vec<_> = Variant::ALL.iter().filter(|v| v.missing().is_none()).copied().collect();
+        assert_eq!(all, built);
+        let glsl = Variant::select(&["all".into(), "!* Slang *".into()]).unwrap();
+        assert_eq!(glsl.len(), 13);
+        assert!(glsl.iter().all(|variant| variant.language == Glsl));
+        assert!(Variant::select(&["Wide4".into(), "!Wide*".into()]).is_err());
+        let languages = if Slang.missing().is_none() { 2 } else { 1 };
+        assert_eq!(Variant::select(&["Wide*".into()]).unwrap().len(), 12 * languages);
+        assert_eq!(Variant::select(&["wide6*cbtc".into()]).unwrap().len(), 2 * languages);
+        match Variant::select(&["* Slang *".into()]) {
+            Ok(chosen) => assert_eq!(chosen.len(), 13),
+            Err(error) => assert!(error.to_string().contains("without Binary Slang: no slangc"), "{error}"),
+        }
         let error = Variant::select(&["Trinary".into()]).unwrap_err().to_string();
         assert!(error.contains("Trinary") && error.contains("Wide8 Quantized CBTC"), "{error}");
         assert_eq!(Variant::one("BINARY").unwrap(), Variant::BINARY);
@@ -148,6 +227,16 @@ mod tests {
         let mut names: Vec<_> = Variant::ALL.iter().map(|v| v.name()).collect();
         names.sort_unstable();
         names.dedup();
-        assert_eq!(names.len(), 13);
+        assert_eq!(names.len(), 26);
+    }
+
+    #[test]
+    fn names_are_those_of_the_thesis() {
+        let names: Vec<_> = Variant::ALL[..6].iter().map(|v| v.name()).collect();
+        let first =
+            ["Binary", "Binary Slang", "Wide4", "Wide4 CBTC", "Wide4 Quantized", "Wide4 Quantized CBTC"];
+        assert_eq!(names, first);
+        assert_eq!(Variant::ALL[25].name(), "Wide8 Slang Quantized CBTC");
+        assert_eq!(of(Layout::Binary, Slang, true).name(), "Binary Slang CBTC");
     }
 }

@@ -12,7 +12,8 @@ use std::{
 
 #[path = "src/permutations.rs"]
 mod permutations;
-use permutations::{ARITIES, Layout, PER_ARITY, PER_LAYOUT};
+use permutations::{ARITIES, IN_SLANG, Layout, PER_ARITY, PER_LAYOUT};
+use slang_depbuild::{Depfile, Job, Slangc, compile, up_to_date};
 
 const TARGET: &str = "vulkan1.2";
 
@@ -28,6 +29,7 @@ fn main() {
     sources.sort();
 
     let compiler = Compiler::find();
+    let slangc = find_slangc();
     let (mut module, mut all) = (String::new(), Vec::new());
     let mut failed = false;
     for source in &sources {
@@ -44,7 +46,7 @@ fn main() {
             match compiler.compile(source, &permutation.macros, &root, &spirv) {
                 Ok(dependencies) => {
                     for dependency in dependencies {
-                        println!("cargo::rerun-if-changed={dependency}");
+                        println!("cargo::rerun-if-changed={}", dependency.display());
                     }
                 }
                 Err(log) => {
@@ -61,13 +63,109 @@ fn main() {
             all.push(format!("&{symbol}"));
         }
         module += &choice(&stem);
+        if IN_SLANG.contains(&stem.as_str()) {
+            match slang(&stem, slangc.as_ref().ok(), &root, &out) {
+                Ok((text, symbols)) => {
+                    module += &text;
+                    all.extend(symbols);
+                }
+                Err(log) => {
+                    failed = true;
+                    for line in log.lines() {
+                        println!("cargo::error={line}");
+                    }
+                }
+            }
+        }
     }
+    module += &format!(
+        "/// Why this build has no kernels in Slang; nothing where it has them.\npub const SLANG_MISSING: Option<&str> = {:?};\n",
+        slangc.err()
+    );
     module +=
         &format!("/// Every shader of this build.\npub static ALL: &[&Shader] = &[{}];\n", all.join(", "));
     fs::write(out.join("shaders.rs"), module).expect("OUT_DIR is writable");
     if failed {
         std::process::exit(1);
     }
+}
+
+/// The Slang compiler, or why there is none.
+fn find_slangc() -> Result<Slangc, String> {
+    for variable in ["SLANGC", "XDG_DATA_HOME"] {
+        println!("cargo::rerun-if-env-changed={variable}");
+    }
+    let found = Slangc::find().map_err(|missing| missing.to_string());
+    match &found {
+        Ok(slangc) => println!("cargo::rerun-if-changed={}", slangc.path().display()),
+        Err(missing) => println!("cargo::warning=the Slang variants are left out: {missing}"),
+    }
+    found
+}
+
+/// Compiles `stem.slang` for each layout, and writes the function that picks one and the names of all.
+fn slang(
+    stem: &str,
+    slangc: Option<&Slangc>,
+    root: &Path,
+    out: &Path,
+) -> Result<(String, Vec<String>), String> {
+    let (mut module, mut arms, mut symbols) = (String::new(), String::new(), Vec::new());
+    let function = format!("{}_slang", stem.replace('/', "_"));
+    for layout in Layout::ALL {
+        let Some(slangc) = slangc else { break };
+        let file = format!("{function}_{}", layout.symbol());
+        let (folder, node) = layout.slang();
+        // Link-time specialisation: this module says which type the kernel's `extern` one is.
+        let specialization = out.join(&file).with_extension("slang");
+        let text = format!(
+            "import layout.node;\nimport layout.{folder}.node;\nexport struct Node : INode = {node};\n"
+        );
+        if fs::read_to_string(&specialization).ok().as_ref() != Some(&text) {
+            fs::write(&specialization, text).map_err(|e| format!("{}: {e}", specialization.display()))?;
+        }
+        let spirv = out.join(&file).with_extension("spv");
+        let depfile = spirv.with_extension("d");
+        let job = Job {
+            specializations: vec![specialization],
+            include_folders: vec![root.join("src"), root.join("shaders")],
+            capabilities: [
+                "spvGroupNonUniformBallot",
+                "spvGroupNonUniformVote",
+                "spvGroupNonUniformArithmetic",
+            ]
+            .map(String::from)
+            .to_vec(),
+            // Workgroups are sized when a pipeline is made, for which Slang takes LocalSizeId.
+            target_env: "vulkan1.3".into(),
+            // Lanes without a ray have nothing to initialize.
+            arguments: ["-fvk-use-scalar-layout", "-warnings-disable", "41020,41035"]
+                .map(Into::into)
+                .to_vec(),
+            depfile: Some(depfile.clone()),
+            ..Job::new(root.join("src").join(stem).with_extension("slang"), &spirv)
+        };
+        let dependencies = match up_to_date(&spirv, &depfile, &[slangc.path()]) {
+            Some(dependencies) => dependencies,
+            None => compile(slangc, &job).map_err(|error| error.to_string())?.dependencies,
+        };
+        for dependency in dependencies.iter().filter(|file| !file.starts_with(out)) {
+            println!("cargo::rerun-if-changed={}", dependency.display());
+        }
+        let (symbol, name) = (file.to_uppercase(), format!("{stem}/{}/slang", layout.symbol()));
+        module += &format!(
+            "/// Compiled from `src/{stem}.slang`.\npub static {symbol}: Shader = Shader {{ name: {name:?}, spirv: include_bytes!({spirv:?}) }};\n",
+        );
+        arms += &format!("        Layout::{layout:?} => Some(&{symbol}),\n");
+        symbols.push(format!("&{symbol}"));
+    }
+    if slangc.is_none() {
+        arms += "        _ => None,\n";
+    }
+    module += &format!(
+        "/// `src/{stem}.slang` for a layout, if this build has it.\npub fn {function}(layout: Layout) -> Option<&'static Shader> {{\n    match layout {{\n{arms}    }}\n}}\n"
+    );
+    Ok((module, symbols))
 }
 
 /// One way of compiling a source.
@@ -157,9 +255,10 @@ impl Compiler {
         macros: &[String],
         root: &Path,
         spirv: &Path,
-    ) -> Result<Vec<String>, String> {
+    ) -> Result<Vec<PathBuf>, String> {
         let depfile = spirv.with_extension("d");
-        if let Some(files) = up_to_date(&depfile, spirv) {
+        // Cargo runs this script for every change under `src/`, and most are not to shaders.
+        if let Some(files) = up_to_date(spirv, &depfile, &[]) {
             return Ok(files);
         }
         // Includes are found from the shared folder and, where one stage needs another's, from `src`.
@@ -193,26 +292,7 @@ impl Compiler {
                 String::from_utf8_lossy(&output.stderr)
             ));
         }
-        dependencies(&depfile).ok_or_else(|| format!("{}: cannot be read", depfile.display()))
+        let read = Depfile::read(&depfile).map_err(|error| format!("{}: {error}", depfile.display()))?;
+        Ok(read.dependencies)
     }
-}
-
-/// What a dependency file lists: `target: source include include`, continued by backslashes, with a
-/// backslash before each space inside a name.
-fn dependencies(depfile: &Path) -> Option<Vec<String>> {
-    let rules = fs::read_to_string(depfile).ok()?;
-    let (_, files) = rules.split_once(": ")?;
-    let files = files.replace("\\\n", " ").replace("\\ ", "\0");
-    Some(files.split_whitespace().map(|name| name.replace('\0', " ")).collect())
-}
-
-/// The dependencies of an earlier run whose result is newer than all of them: cargo runs this script for
-/// every change under `src/`, and most are not to shaders.
-fn up_to_date(depfile: &Path, spirv: &Path) -> Option<Vec<String>> {
-    let modified = |path: &Path| fs::metadata(path).and_then(|m| m.modified()).ok();
-    let made = modified(spirv)?;
-    let script = modified(&env::current_exe().ok()?)?;
-    let files = dependencies(depfile)?;
-    let older = |file: &String| modified(Path::new(file)).is_some_and(|time| time < made);
-    (script < made && files.iter().all(older)).then_some(files)
 }

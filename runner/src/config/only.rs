@@ -38,7 +38,7 @@ impl Config {
                     scenes.push(text.to_owned());
                 }
                 "variant" | "variants" => {
-                    let named = Variant::select(&[text.to_owned()]).unwrap_or_default();
+                    let named = Variant::named(text).unwrap_or_default();
                     if !named.iter().any(|variant| self.variants.contains(variant)) {
                         let names: Vec<_> = self.variants.iter().map(|variant| variant.name()).collect();
                         bail!(wrong(format!("the variants are {}", names.join(", "))));

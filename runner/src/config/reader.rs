@@ -11,6 +11,7 @@ use super::{
     value, views, when,
 };
 use crate::params::{self, Params};
+use crate::variant::Variant;
 use anyhow::{Context, anyhow, bail};
 use serde::Deserialize;
 use serde_json::Value;
@@ -148,9 +149,16 @@ impl<'s> Reader<'s> {
                 each_once(scenes.iter().filter_map(|scene| self::scene(scene, self.search, mistakes)));
         }
         if let Some(patterns) = variants {
-            let named =
-                |pattern: &Spanned<String>| when::variants(pattern.get_ref(), pattern.span(), mistakes);
-            config.variants = each_once(patterns.iter().flat_map(named));
+            let mut known = true;
+            for pattern in &patterns {
+                known &= !when::variants(pattern.get_ref(), pattern.span(), mistakes).is_empty();
+            }
+            let patterns: Vec<String> = patterns.iter().map(|pattern| pattern.get_ref().clone()).collect();
+            match Variant::select(&patterns) {
+                Ok(variants) => config.variants = variants,
+                Err(error) if known => mistakes.add(0..0, error),
+                Err(_) => {}
+            }
         }
         if let Some(views) = views {
             if let Err(error) = views::each(views.get_ref()) {

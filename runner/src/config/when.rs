@@ -67,7 +67,7 @@ impl When {
         let is = |pattern: &String| variant::matches(&pattern.to_lowercase(), &scene);
         (self.scenes.is_empty() || self.scenes.iter().any(is))
             && (self.variants.is_empty()
-                || Variant::select(&self.variants).is_ok_and(|meant| meant.contains(&variant)))
+                || Variant::choose(&self.variants).is_ok_and(|meant| meant.contains(&variant)))
             && self.axes.iter().all(|(name, values)| axes.get(name).is_some_and(|now| values.contains(now)))
     }
 
@@ -118,7 +118,7 @@ fn listed(values: impl Iterator<Item = String>) -> String {
 
 /// The variants that a pattern names; that it names none is noted.
 pub fn variants(pattern: &str, span: std::ops::Range<usize>, mistakes: &mut Mistakes) -> Vec<Variant> {
-    Variant::select(&[pattern.to_owned()]).unwrap_or_else(|_| {
+    Variant::named(pattern).unwrap_or_else(|_| {
         let instead = instead(pattern, Variant::ALL.iter().map(|variant| variant.name()));
         mistakes.add(span, format_args!("no variant is called {pattern:?}{instead}"));
         Vec::new()

@@ -1,6 +1,6 @@
 //! The traversal kernels of a variant.
 
-use crate::{params::Params, resources, session::Session};
+use crate::{params::Params, resources, session::Session, variant::Variant};
 use tracer::{
     path::{self, Camera, PathTracer, SingleKernel},
     traverse::{self, Counting, Traversal, Tree},
@@ -20,19 +20,20 @@ enum Timed {
 }
 
 impl Kernels {
-    pub fn new(session: &Session, tree: &Tree, params: &Params) -> anyhow::Result<Self> {
-        let timed = match params.trace.kernels {
+    pub fn new(session: &Session, tree: &Tree, variant: Variant, params: &Params) -> anyhow::Result<Self> {
+        let params = params.trace(variant);
+        let timed = match params.kernels {
             traverse::Kernels::Separate => {
-                Timed::Separate(session.traversal(tree, params, Counting::Nothing)?)
+                Timed::Separate(Traversal::new(&session.gpu, &params, tree, Counting::Nothing)?)
             }
-            traverse::Kernels::Single => Timed::Single(SingleKernel::new(&session.gpu, &params.trace, tree)?),
+            traverse::Kernels::Single => Timed::Single(SingleKernel::new(&session.gpu, &params, tree)?),
         };
         // What a ray meets is the same in workgroups of any size: those that count need not be compiled for each.
         let usual = traverse::Params::default();
         let trace = traverse::Params {
             primary_subgroups: usual.primary_subgroups,
             secondary_subgroups: usual.secondary_subgroups,
-            ..params.trace.clone()
+            ..params
         };
         Ok(Self { timed, counting: Traversal::new(&session.gpu, &trace, tree, Counting::Rays)? })
     }

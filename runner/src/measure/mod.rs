@@ -165,7 +165,7 @@ impl Measuring<'_> {
                 // Trees of different views may need stacks of different size.
                 let compiled = kernels.as_ref().is_some_and(|kernels| tree.stack <= kernels.stack());
                 if !compiled {
-                    kernels = Some(Kernels::new(self.session, &tree, self.params)?);
+                    kernels = Some(Kernels::new(self.session, &tree, self.variant, self.params)?);
                 }
                 let kernels = kernels.as_ref().expect("compiled above");
                 // Compiling the kernels has left it idle.

@@ -81,16 +81,25 @@ Projection project(vec3 origin, Shear shear, vec3 v0, vec3 v1, vec3 v2) {
 // Pharr, Jakob, Humphreys, Physically Based Rendering, 3rd edition, 3.9.6, with a third of the worst case's
 // constants: errors of either sign largely cancel, and four times as large a bound had every ray settle the
 // surface it starts on.
-float intersect(
-    vec3 origin, Shear shear, float t_min, float t_max, vec3 v0, vec3 v1, vec3 v2, out bool uncertain) {
+//
+// With `hoist`, which is constant, the distance is computed before the first condition, and not after (thesis 5.2).
+float intersect(vec3 origin, Shear shear, float t_min, float t_max, vec3 v0, vec3 v1, vec3 v2, bool hoist,
+                out bool uncertain) {
     uncertain = false;
     Projection p = project(origin, shear, v0, v1, v2);
     vec3 e = p.edges;
+    float inverse, t;
+    if (hoist) {
+        inverse = shear.shear.z / (e.x + e.y + e.z);
+        t = dot(e, p.depths) * inverse;
+    }
     if (min(e.x, min(e.y, e.z)) < 0.0 && max(e.x, max(e.y, e.z)) > 0.0) {
         return INFINITY;
     }
-    float inverse = shear.shear.z / (e.x + e.y + e.z);
-    float t = dot(e, p.depths) * inverse;
+    if (!hoist) {
+        inverse = shear.shear.z / (e.x + e.y + e.z);
+        t = dot(e, p.depths) * inverse;
+    }
     // A determinant of zero makes t infinite or NaN, which fails here.
     if (!(t < t_max)) {
         return INFINITY;

@@ -20,6 +20,20 @@ pub mod validate;
 /// What can go wrong between a scene and its hits.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
+    /// The build has no kernels in a language.
+    #[error("this build has no kernels in Slang: {reason}, and build again")]
+    NotBuilt {
+        /// What it lacked.
+        reason: &'static str,
+    },
+    /// A workgroup's barrier with a schedule that has no place for it.
+    #[error(
+        "a barrier between nodes and triangles is for schedules in phases: set trace.primary_vote=0 and trace.secondary_vote=0"
+    )]
+    BarrierByVote,
+    /// The single kernel is asked for what only separate kernels have.
+    #[error("a single kernel there is in GLSL only, and without a barrier: set trace.kernels=separate")]
+    NoSingleKernel,
     /// The device or its driver.
     #[error(transparent)]
     Gpu(#[from] gpu::Error),

@@ -69,11 +69,28 @@ impl Layout {
     }
 }
 
+impl Layout {
+    /// The folder under `layout/` with the Slang module of its node, and the type there.
+    pub fn slang(self) -> (&'static str, String) {
+        let arity = self.arity();
+        match self {
+            Self::Binary => ("binary", "Binary".into()),
+            Self::Wide4 | Self::Wide6 | Self::Wide8 => ("wide", format!("Wide<{arity}>")),
+            Self::Quantized4 | Self::Quantized6 | Self::Quantized8 => {
+                ("quantized", format!("Quantized<{arity}>"))
+            }
+        }
+    }
+}
+
 /// Arities that contraction kernels are compiled for.
 pub const ARITIES: &[usize] = &[2, 4, 6, 8];
 
 /// Sources under `src/` that are compiled once for each of [`Layout::ALL`].
 pub const PER_LAYOUT: &[&str] = &["layout/encode", "traverse/closest_hit", "path/single"];
+
+/// Those of them that have a twin in Slang beside them.
+pub const IN_SLANG: &[&str] = &["traverse/closest_hit"];
 
 /// Sources under `src/` that are compiled once for each of [`ARITIES`].
 pub const PER_ARITY: &[&str] = &["contract/levels", "contract/handover"];

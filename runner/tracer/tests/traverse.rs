@@ -4,8 +4,8 @@ mod support;
 
 use rayon::prelude::*;
 use support::{
-    Planted, Random, assert_silent, awkward, builder, builder_of, gpu, icosphere, mesh, plant, scattered,
-    traversal,
+    Planted, Random, assert_silent, awkward, builder, builder_of, gpu, icosphere, languages, mesh, plant,
+    scattered, traversal, traversal_in,
 };
 use tracer::{
     Error,
@@ -14,7 +14,9 @@ use tracer::{
     collapse::CollapseParams,
     gpu::Pass,
     layout::{Layout, LayoutParams},
-    traverse::{Buffers, Counting, Counts, Hit, Params, Queue, Ray, Traversal, Wave, cpu},
+    traverse::{
+        Buffers, Counting, Counts, Hit, Language, Params, Queue, Ray, Technique, Traversal, Wave, cpu,
+    },
 };
 
 type Point = [f32; 3];
@@ -174,6 +176,34 @@ fn check_layout(
     let extent = planted.tree.extent;
     let kernels = traversal(&planted.tree, Counting::Rays);
     let (hits, counts) = trace(kernels, Counting::Rays, Wave::Secondary, planted, rays);
+    for &language in languages().iter().filter(|language| **language != Language::Glsl) {
+        let (its_hits, its_counts) = trace(
+            traversal_in(language, &planted.tree, Counting::Rays),
+            Counting::Rays,
+            Wave::Secondary,
+            planted,
+            rays,
+        );
+        for (at, ray) in rays.iter().enumerate() {
+            let same = its_hits[at].t.to_bits() == hits[at].t.to_bits()
+                && its_hits[at].triangle == hits[at].triangle;
+            assert!(same, "{what}, {language:?}: {ray:?}: {:?}, not {:?}", its_hits[at], hits[at]);
+        }
+        // Which rays share a subgroup depends on timing, and that decides what is postponed.
+        let sums = |counts: &[Counts]| {
+            counts.iter().fold([0u64; 3], |sum, one| {
+                [
+                    sum[0] + u64::from(one.nodes),
+                    sum[1] + u64::from(one.boxes),
+                    sum[2] + u64::from(one.triangles),
+                ]
+            })
+        };
+        for (its, own) in sums(&its_counts).into_iter().zip(sums(&counts)) {
+            let ratio = its as f64 / own.max(1) as f64;
+            assert!(its == own || (0.98..1.02).contains(&ratio), "{what}, {language:?}: {its} for {own}");
+        }
+    }
     let (twin, there) = (&planted.twin, planted.summary.nodes);
     let most = layout.arity() as u32;
     // Only the root of a lone triangle has a single child.
@@ -325,6 +355,62 @@ fn scheduling_changes_no_distance() {
     let wrong = Params { primary_subgroups: 1 << 20, ..Params::default() };
     let error = Traversal::new(gpu(), &wrong, &planted.tree, Counting::Nothing).unwrap_err().to_string();
     assert!(error.contains("workgroup"), "{error}");
+    assert_silent();
+}
+
+#[test]
+fn languages_and_techniques_change_no_distance() {
+    let triangles = scattered(2000, 10.0, 1.0);
+    // Many workgroups of several subgroups, the last of which has few rays.
+    let rays = awkward_rays(&triangles, 5_000);
+    for &layout in &[Layout::Binary, Layout::Wide6, Layout::Quantized4] {
+        let planted = plant(builder_of(layout), &triangles);
+        let (want, _) =
+            trace(traversal(&planted.tree, Counting::Rays), Counting::Rays, Wave::Primary, &planted, &rays);
+        for (&language, (barrier, hoist, subgroups)) in languages()
+            .iter()
+            .flat_map(|l| [(true, false, 4), (true, true, 1), (false, true, 3)].map(|t| (l, t)))
+        {
+            let params = Params {
+                primary_subgroups: subgroups,
+                secondary_subgroups: subgroups,
+                secondary_vote: 0.0,
+                stack: 96,
+                language,
+                technique: Technique { barrier, hoist, reconverge: false },
+                ..Params::default()
+            };
+            let traversal = Traversal::new(gpu(), &params, &planted.tree, Counting::Nothing).unwrap();
+            for wave in [Wave::Primary, Wave::Secondary] {
+                let (hits, _) = trace(&traversal, Counting::Nothing, wave, &planted, &rays);
+                for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {
+                    let what = format!("{layout:?}, {params:?}, {wave:?}");
+                    assert!(agree(hit.t, want.t, ray, 0.0), "{what}: {ray:?}: {hit:?}, not {want:?}");
+                }
+            }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn techniques_that_cannot_be_are_errors() {
+    let planted = plant(builder(), &scattered(10, 1.0, 1.0));
+    let error = |params: Params| {
+        Traversal::new(gpu(), &params, &planted.tree, Counting::Nothing).map(drop).unwrap_err().to_string()
+    };
+    let barrier = Technique { barrier: true, ..Technique::default() };
+    let told = error(Params { technique: barrier, secondary_vote: 1.0, ..Params::default() });
+    assert!(told.contains("trace.secondary_vote=0"), "{told}");
+    let reconverge = Technique { reconverge: true, ..Technique::default() };
+    let params = Params { technique: reconverge, ..Params::default() };
+    match Traversal::new(gpu(), &params, &planted.tree, Counting::Nothing) {
+        Err(error) => assert!(error.to_string().contains("VK_KHR_shader_maximal_reconvergence"), "{error}"),
+        Ok(traversal) => {
+            let ray = ray([0.0; 3], [1.0, 0.0, 0.0]);
+            trace(&traversal, Counting::Nothing, Wave::Primary, &planted, &[ray]);
+        }
+    }
     assert_silent();
 }
 

@@ -16,6 +16,9 @@ pub(super) const NVIDIA: u32 = 0x10DE;
 pub(super) const AMD: u32 = 0x1002;
 pub(super) const INTEL: u32 = 0x8086;
 
+/// The optional feature by which lanes that part in a branch go on together behind it.
+pub(super) const RECONVERGENCE: &str = "shaderMaximalReconvergence";
+
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// How a device presents itself, ordered by which one we would rather measure.
@@ -167,6 +170,9 @@ pub struct Gpu {
     pub(super) inner: Arc<Inner>,
 }
 
+/// What tells pipelines apart: the shader's name, whether it reconverges, and its specialization constants.
+pub(super) type Compiled = (&'static str, bool, Vec<u32>);
+
 pub(super) struct Inner {
     pub device: ash::Device,
     /// Submitting needs the queue to ourselves.
@@ -178,8 +184,8 @@ pub(super) struct Inner {
     pub executable: Option<khr::pipeline_executable_properties::Device>,
     pub full_subgroups: bool,
     pub tick: Timing,
-    /// What has been compiled, by the shader's name and its specialization constants.
-    pub pipelines: Mutex<HashMap<(&'static str, Vec<u32>), vk::Pipeline>>,
+    /// What has been compiled.
+    pub pipelines: Mutex<HashMap<Compiled, vk::Pipeline>>,
     messages: Arc<Mutex<Vec<String>>>,
     instance: Instance,
 }
@@ -332,6 +338,7 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize
     let mut f13 = vk::PhysicalDeviceVulkan13Features::default();
     let mut executable = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
     let mut clock = vk::PhysicalDeviceShaderClockFeaturesKHR::default();
+    let mut reconvergence = vk::PhysicalDeviceShaderMaximalReconvergenceFeaturesKHR::default();
     let mut p2 = vk::PhysicalDeviceProperties2::default();
     let mut f2 = vk::PhysicalDeviceFeatures2::default();
     let modern = basic.api_version >= vk::API_VERSION_1_3;
@@ -350,6 +357,9 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize
     }
     if has(khr::shader_clock::NAME) {
         f2 = f2.push_next(&mut clock);
+    }
+    if has(khr::shader_maximal_reconvergence::NAME) {
+        f2 = f2.push_next(&mut reconvergence);
     }
     // SAFETY: as above; the chains hold only structs of extensions or versions the device has.
     let memory = unsafe {
@@ -394,6 +404,7 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize
     may(executable.pipeline_executable_info != 0, "pipelineExecutableInfo");
     may(sm.shader_sm_count > 0, "shaderSMBuiltins");
     may(clock.shader_device_clock != 0, "shaderDeviceClock");
+    may(reconvergence.shader_maximal_reconvergence != 0, RECONVERGENCE);
 
     let [d0, d1, d2, d3, d4, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15] = p11.device_uuid;
     let hex = |bytes: &[u8]| bytes.iter().map(|b| format!("{b:02x}")).collect::<String>();
@@ -517,6 +528,8 @@ impl Gpu {
             .scalar_block_layout(true);
         let mut f13 = vk::PhysicalDeviceVulkan13Features::default()
             .synchronization2(true)
+            // Part of Vulkan 1.3: workgroups that are sized as kernels in Slang want it.
+            .maintenance4(true)
             .subgroup_size_control(full_subgroups)
             .compute_full_subgroups(full_subgroups);
         let mut executable = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
@@ -529,6 +542,12 @@ impl Gpu {
         if info.has("shaderDeviceClock") {
             extensions.push(khr::shader_clock::NAME.into());
             info2 = info2.push_next(&mut clock);
+        }
+        let mut reconvergence = vk::PhysicalDeviceShaderMaximalReconvergenceFeaturesKHR::default()
+            .shader_maximal_reconvergence(true);
+        if info.has(RECONVERGENCE) {
+            extensions.push(khr::shader_maximal_reconvergence::NAME.into());
+            info2 = info2.push_next(&mut reconvergence);
         }
         if info.tells_statistics() {
             extensions.push(khr::pipeline_executable_properties::NAME.into());

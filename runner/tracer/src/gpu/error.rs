@@ -77,6 +77,14 @@ pub enum Error {
         /// `maxComputeWorkGroupCount[0]`.
         limit: u32,
     },
+    /// The device does not reconverge maximally.
+    #[error(
+        "{device} lacks VK_KHR_shader_maximal_reconvergence: leave out glsl.reconverge and slang.reconverge"
+    )]
+    NoReconvergence {
+        /// The device's name.
+        device: String,
+    },
     /// A workgroup size that the device cannot run.
     #[error(
         "{kernel}: a workgroup of {size} invocations is not possible on this device: it must be a multiple of the subgroup size {subgroup} and at most {limit}"

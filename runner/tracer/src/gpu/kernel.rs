@@ -1,4 +1,4 @@
-use super::{Error, Gpu, Resources, Shader, error::Context};
+use super::{Error, Gpu, Resources, Shader, device::RECONVERGENCE, error::Context};
 use ash::vk;
 use std::fmt;
 
@@ -28,12 +28,60 @@ impl fmt::Debug for Kernel {
     }
 }
 
+/// A module whose entry point reconverges maximally. Neither GLSL's compiler in distributions nor Slang has a word
+/// for it, so the instructions are put where they belong: the extension before the memory model, and the mode behind
+/// the entry point.
+fn reconverging(words: &[u32]) -> Vec<u32> {
+    const MEMORY_MODEL: u32 = 14;
+    const ENTRY_POINT: u32 = 15;
+    const EXECUTION_MODE: u32 = 16;
+    const EXTENSION: u32 = 10;
+    const MAXIMALLY_RECONVERGES: u32 = 6023;
+    let name = b"SPV_KHR_maximal_reconvergence\0\0\0";
+    let (head, mut rest) = words.split_at(5);
+    let mut made = head.to_vec();
+    let (mut entry, mut extended) = (None, false);
+    while let [first, ..] = rest {
+        let (instruction, next) = rest.split_at((first >> 16).max(1) as usize);
+        let operation = first & 0xFFFF;
+        // Extensions stand before imports (11) and the memory model.
+        if !extended && matches!(operation, 11 | MEMORY_MODEL) {
+            extended = true;
+            made.push((1 + name.len() as u32 / 4) << 16 | EXTENSION);
+            made.extend(name.chunks_exact(4).map(|c| u32::from_le_bytes([c[0], c[1], c[2], c[3]])));
+        }
+        if let Some(entry) = entry.take_if(|_| operation != ENTRY_POINT) {
+            made.extend([3 << 16 | EXECUTION_MODE, entry, MAXIMALLY_RECONVERGES]);
+        }
+        if operation == ENTRY_POINT {
+            entry = Some(instruction[2]);
+        }
+        made.extend(instruction);
+        rest = next;
+    }
+    made
+}
+
 impl Kernel {
     /// Compiles `shader` with `workgroup_size` as constant 0 and `constants` as 1, 2, ….
     ///
     /// # Errors
     /// The device cannot run workgroups of that size, or its compiler failed.
     pub fn new(gpu: &Gpu, shader: &Shader, workgroup_size: u32, constants: &[u32]) -> Result<Self, Error> {
+        Self::with_reconvergence(gpu, shader, workgroup_size, constants, false)
+    }
+
+    /// The same; `reconverge` if lanes are to reconverge maximally (`SPV_KHR_maximal_reconvergence`).
+    ///
+    /// # Errors
+    /// As [`Kernel::new`], or the device has no such thing.
+    pub fn with_reconvergence(
+        gpu: &Gpu,
+        shader: &Shader,
+        workgroup_size: u32,
+        constants: &[u32],
+        reconverge: bool,
+    ) -> Result<Self, Error> {
         let info = gpu.info();
         if workgroup_size == 0
             || workgroup_size > info.max_workgroup_size
@@ -49,12 +97,18 @@ impl Kernel {
         let values: Vec<u32> = std::iter::once(workgroup_size).chain(constants.iter().copied()).collect();
         let mut pipelines = gpu.inner.pipelines.lock().expect("nobody panics while holding the pipelines");
         let kernel = |pipeline| Self { gpu: gpu.clone(), name: shader.name, workgroup_size, pipeline };
-        if let Some(&pipeline) = pipelines.get(&(shader.name, values.clone())) {
+        if let Some(&pipeline) = pipelines.get(&(shader.name, reconverge, values.clone())) {
             return Ok(kernel(pipeline));
         }
         let device = &gpu.inner.device;
-        let words = ash::util::read_spv(&mut std::io::Cursor::new(shader.spirv))
+        let mut words = ash::util::read_spv(&mut std::io::Cursor::new(shader.spirv))
             .expect("the build made valid SPIR-V");
+        if reconverge {
+            if !info.has(RECONVERGENCE) {
+                return Err(Error::NoReconvergence { device: info.name.clone() });
+            }
+            words = reconverging(&words);
+        }
         // SAFETY: the words are a SPIR-V module that the compiler accepted.
         let module =
             unsafe { device.create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&words), None) }
@@ -89,7 +143,7 @@ impl Kernel {
             made
         };
         let pipeline = made.map_err(|(_, result)| result).context(shader.name)?[0];
-        pipelines.insert((shader.name, values), pipeline);
+        pipelines.insert((shader.name, reconverge, values), pipeline);
         Ok(kernel(pipeline))
     }
 

@@ -4,7 +4,7 @@ use super::{Camera, CameraArguments, PathTracer, Sample, WaveTime};
 use crate::{
     Error,
     gpu::{Buffer, Gpu, Kernel, Pass, shaders},
-    traverse::{Counting, Params, Queue, Tree, Wave, check_finished, constants},
+    traverse::{Counting, Language, Params, Queue, Tree, Wave, check_finished, constants},
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -70,7 +70,10 @@ impl SingleKernel {
         if !info.has(CLOCK) {
             return Err(Error::NoClock { device: info.name.clone() });
         }
-        let (constants, stack) = constants(gpu, params, tree, Counting::Nothing, Wave::Secondary);
+        if params.language != Language::Glsl || params.technique.barrier {
+            return Err(Error::NoSingleKernel);
+        }
+        let (constants, stack) = constants(gpu, params, tree, Counting::Nothing, Wave::Secondary)?;
         let size = params.workgroup_size(gpu, Wave::Secondary);
         let kernel = Kernel::new(gpu, shaders::path_single(tree.layout), size, &constants)?;
         // As many as run at once; where that is not known, one a multiprocessor surely does. Should fewer run,

@@ -17,6 +17,7 @@
 //
 // All loops are uniform in the subgroup: lanes without work take part idle, so votes mean the same on every
 // driver, whether or not it reconverges diverged lanes.
+#extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_vote : require
 #extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
@@ -40,6 +41,10 @@ layout(constant_id = 6) const uint STRIDE = 4;
 // 0 for phases; else the schedule is by vote, in which so many lanes at an inner node weigh as much as 32 with
 // a triangle.
 layout(constant_id = 7) const uint VOTE = 0;
+// Whether the subgroups of a workgroup wait for each other between nodes and triangles (thesis 5.3). In phases only.
+layout(constant_id = 8) const uint BARRIER = 0;
+// Whether a triangle's distance is computed before it is known to be hit (thesis 5.2).
+layout(constant_id = 9) const uint HOIST = 0;
 
 // A child: a node's index, or a leaf with its top bit set: 4 bits of count minus one, 27 bits of the first
 // triangle (thesis figure 12). NONE cannot be a leaf: its triangles would exceed 27 bits.
@@ -84,6 +89,12 @@ bool is_leaf(uint child) {
     return int(child) < 0 && child != NONE;
 }
 
+// With BARRIER, how many subgroups have no ray left. None may leave while others wait, so they go on idle until all
+// have none. In even turns they look at the first number and in odd ones at the second: who reads one after a barrier
+// can be sure that nobody adds to it until the next. Whoever leaves has added one to each.
+shared uint leaving[2];
+const uint ALL = 1u << 16;  // more than there are
+
 uint lanes(bool which) {
     return subgroupBallotBitCount(subgroupBallot(which));
 }
@@ -115,6 +126,14 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     const uint count = queue.count;
 
     if (VOTE == 0) {
+        uint turn = 0;
+        uint told = 0;
+        if (BARRIER != 0) {
+            if (gl_LocalInvocationIndex < 2) {
+                leaving[gl_LocalInvocationIndex] = 0;
+            }
+            barrier();
+        }
         for (;;) {
             steps++;
             uint busy = lanes(ray != MISS);
@@ -122,7 +141,7 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
 #include "traverse/fetch.glsl"
                 busy = lanes(ray != MISS);
             }
-            if (busy == 0) {
+            if (BARRIER == 0 && busy == 0) {
                 break;
             }
             // Inner nodes, until every lane with a ray has a leaf or has nothing left.
@@ -134,6 +153,18 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
                 if (QUOTA != 0 && steps > QUOTA) {
                     break;
                 }
+            }
+            if (BARRIER != 0) {
+                bool late = QUOTA != 0 && steps > QUOTA;
+                if (subgroupElect() && (late || busy == 0 && told < 2)) {
+                    atomicAdd(leaving[turn & 1], late ? ALL : 1);
+                }
+                told += busy == 0 ? 1 : 0;
+                barrier();
+                if (leaving[turn & 1] >= gl_NumSubgroups) {
+                    break;
+                }
+                turn++;
             }
             // Triangles, of the postponed leaf and of a second one where the lane waits with it. The first
             // round tests at least one, because the loop above leaves no lane with a node but without a leaf.
@@ -155,7 +186,7 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
                 }
             }
 #include "traverse/finish.glsl"
-            if (QUOTA != 0 && steps > QUOTA) {
+            if (BARRIER == 0 && QUOTA != 0 && steps > QUOTA) {
                 break;
             }
         }

@@ -5,7 +5,8 @@ if (subgroupElect()) {
     first = atomicAdd(queue.next, subgroupBallotBitCount(idle));
 }
 first = subgroupBroadcastFirst(first);
-more = first < count && (QUOTA == 0 || steps < QUOTA / 2);
+// Of subgroups that wait for each other, one may have to idle for as long as another works.
+more = first < count && (QUOTA == 0 || steps < QUOTA / (BARRIER == 0 ? 2 : 4));
 uint index = first + subgroupBallotExclusiveBitCount(idle);
 if (ray == MISS && index < count) {
     ray = index;

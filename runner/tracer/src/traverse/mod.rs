@@ -100,6 +100,48 @@ pub struct Params {
     pub stack: u32,
     /// Whether the stages of a path are launched apart, or are one persistent kernel.
     pub kernels: Kernels,
+    /// What the kernels are written in. No parameter: it belongs to a variant.
+    #[serde(skip)]
+    pub language: Language,
+    /// What is done differently in that language.
+    #[serde(skip)]
+    pub technique: Technique,
+}
+
+/// What a traversal is written in: the same algorithm, line by line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Language {
+    /// One source for all layouts, by macros.
+    #[default]
+    Glsl,
+    /// One source for all layouts, which are types that are linked to it.
+    Slang,
+}
+
+impl Language {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Glsl, Self::Slang];
+
+    /// Why this build has no kernels in it; nothing where it has them.
+    pub fn missing(self) -> Option<&'static str> {
+        match self {
+            Self::Glsl => None,
+            Self::Slang => shaders::SLANG_MISSING,
+        }
+    }
+}
+
+/// What the thesis changed in its Slang kernels to make them faster (5.2 and 5.3), and tried.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Technique {
+    /// The subgroups of a workgroup wait for each other between nodes and triangles, so that lanes which have parted
+    /// meet again (thesis 5.3). For schedules in phases only: votes of 0.
+    pub barrier: bool,
+    /// A triangle's distance is computed before it is known whether it is hit (thesis 5.2).
+    pub hoist: bool,
+    /// Lanes that part in a branch go on together behind it (`SPV_KHR_maximal_reconvergence`).
+    pub reconverge: bool,
 }
 
 impl Params {
@@ -136,6 +178,8 @@ impl Default for Params {
             secondary_vote: 1.0,
             stack: 64,
             kernels: Kernels::Separate,
+            language: Language::Glsl,
+            technique: Technique::default(),
         }
     }
 }
@@ -233,13 +277,19 @@ impl Traversal {
     /// Compiles the kernels for a tree.
     ///
     /// # Errors
-    /// A workgroup size the device cannot run.
+    /// A workgroup size the device cannot run, a technique that it or the schedule does not allow, or a language
+    /// that this build was made without.
     pub fn new(gpu: &Gpu, params: &Params, tree: &Tree, counting: Counting) -> Result<Self, Error> {
         let launches = if gpu.info().ends_long_loops() { RELAUNCHES } else { 1 };
-        let shader = shaders::traverse_closest_hit(tree.layout);
+        let shader = match params.language {
+            Language::Glsl => shaders::traverse_closest_hit(tree.layout),
+            Language::Slang => shaders::traverse_closest_hit_slang(tree.layout)
+                .ok_or(Error::NotBuilt { reason: shaders::SLANG_MISSING.unwrap_or_default() })?,
+        };
         let kernel = |wave| {
-            let (constants, stack) = constants(gpu, params, tree, counting, wave);
-            Ok::<_, Error>((Kernel::new(gpu, shader, params.workgroup_size(gpu, wave), &constants)?, stack))
+            let (constants, stack) = constants(gpu, params, tree, counting, wave)?;
+            let (size, reconverge) = (params.workgroup_size(gpu, wave), params.technique.reconverge);
+            Ok::<_, Error>((Kernel::with_reconvergence(gpu, shader, size, &constants, reconverge)?, stack))
         };
         let ((primary, stack), (secondary, _)) = (kernel(Wave::Primary)?, kernel(Wave::Secondary)?);
         Ok(Self { primary, secondary, gpu: gpu.clone(), stack, launches })
@@ -317,7 +367,7 @@ pub(crate) fn constants(
     tree: &Tree,
     counting: Counting,
     wave: Wave,
-) -> ([u32; 7], u32) {
+) -> Result<([u32; 9], u32), Error> {
     let lanes = gpu.info().subgroup_size;
     let stack = params.stack.max(tree.stack.next_multiple_of(32));
     let postpone = ((params.postpone_below * lanes as f32).round() as u32).min(lanes);
@@ -329,7 +379,13 @@ pub(crate) fn constants(
     let fetch_below = ((fetch_below * lanes as f32).round() as u32).clamp(1, lanes);
     // Any vote above zero is one.
     let vote = if vote > 0.0 { ((vote * 32.0).round() as u32).max(1) } else { 0 };
-    ([stack, fetch_below, quota, counting as u32, postpone, tree.stride as u32, vote], stack)
+    let Technique { barrier, hoist, .. } = params.technique;
+    if barrier && vote > 0 {
+        return Err(Error::BarrierByVote);
+    }
+    let [barrier, hoist] = [barrier, hoist].map(u32::from);
+    let stride = tree.stride as u32;
+    Ok(([stack, fetch_below, quota, counting as u32, postpone, stride, vote, barrier, hoist], stack))
 }
 
 /// Whether every ray of a wavefront at `depth` has been finished.

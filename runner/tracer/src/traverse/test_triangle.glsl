@@ -7,7 +7,7 @@ vec4 v2 = tree.triangles.items[index].v2;
 if (COUNT == RAYS) {
     triangles_tested++;
 }
-float t = intersect(origin, shear, t_min, best.t, v0.xyz, v1.xyz, v2.xyz, uncertain);
+float t = intersect(origin, shear, t_min, best.t, v0.xyz, v1.xyz, v2.xyz, HOIST != 0, uncertain);
 if (uncertain) {
     t = exact_distance(rays, ray, tree.triangles, index);
 }

@@ -13,7 +13,7 @@ use tracer::{
     gpu::{Gpu, Options},
     layout::Layout,
     scene::{LoadReport, Material, Origin, Provenance, Scene, Sky, View},
-    traverse::{Counting, Counts, Hit, Params, Ray, Traversal, Tree, cpu},
+    traverse::{Counting, Counts, Hit, Language, Params, Ray, Traversal, Tree, cpu},
     with_layout,
 };
 
@@ -160,13 +160,33 @@ pub fn plant(builder: &Builder, triangles: &[Triangle]) -> Planted {
     Planted { tree, summary: report.summary, twin, workspace }
 }
 
+/// The languages that this build has kernels in. That one is left out is said once.
+pub fn languages() -> &'static [Language] {
+    static LANGUAGES: OnceLock<Vec<Language>> = OnceLock::new();
+    LANGUAGES.get_or_init(|| {
+        let there = |language: &Language| match language.missing() {
+            None => true,
+            Some(reason) => {
+                eprintln!("skipped: nothing is tested in {language:?}: {reason}");
+                false
+            }
+        };
+        Language::ALL.into_iter().filter(there).collect()
+    })
+}
+
 /// The kernels with the usual parameters for a tree, compiled once for all trees that are served by them.
 pub fn traversal(tree: &Tree, counting: Counting) -> &'static Traversal {
-    type Key = (Layout, usize, u32, u32);
+    traversal_in(Language::Glsl, tree, counting)
+}
+
+/// The same in a language.
+pub fn traversal_in(language: Language, tree: &Tree, counting: Counting) -> &'static Traversal {
+    type Key = (Language, Layout, usize, u32, u32);
     static KERNELS: Mutex<Option<HashMap<Key, &'static OnceLock<Traversal>>>> = Mutex::new(None);
-    let params = Params::default();
+    let params = Params { language, ..Params::default() };
     let stack = tree.stack.next_multiple_of(32).max(params.stack);
-    let key = (tree.layout, tree.stride, stack, counting as u32);
+    let key = (language, tree.layout, tree.stride, stack, counting as u32);
     // Nobody waits for kernels that somebody else compiles, unless they are the same.
     let slot = *KERNELS
         .lock()
