@@ -18,7 +18,7 @@ impl Only {
 }
 
 impl Config {
-    /// Leaves only what `only` says, AXIS=VALUE each: `scene`, `variant` (with `*`), `view`, or a parameter
+    /// Leaves only what `only` says, AXIS=VALUE each: `scene`, `variant` (with `*`, and `!` to leave out), `view`, or a parameter
     /// that is an axis. Several of one axis leave any of their values.
     ///
     /// # Errors
@@ -43,7 +43,7 @@ impl Config {
                         let names: Vec<_> = self.variants.iter().map(|variant| variant.name()).collect();
                         bail!(wrong(format!("the variants are {}", names.join(", "))));
                     }
-                    variants.extend(named);
+                    variants.push(text.to_owned());
                 }
                 "view" | "views" => {
                     let wanted = views::each(text).map_err(&wrong)?;
@@ -74,7 +74,12 @@ impl Config {
             self.scenes.retain(|scene| scenes.contains(scene));
         }
         if !variants.is_empty() {
-            self.variants.retain(|variant| variants.contains(variant));
+            // Only what is taken away leaves the rest.
+            if variants.iter().all(|pattern| pattern.starts_with('!')) {
+                variants.insert(0, "all".into());
+            }
+            let wanted = Variant::choose(&variants)?;
+            self.variants.retain(|variant| wanted.contains(variant));
         }
         if !views.is_empty() {
             self.views = Some(views.join(","));

@@ -262,6 +262,10 @@ fn only_a_part_is_left() {
         config.restrict(&options(only)).map(|()| config)
     };
     assert_eq!(keys(&restricted(&[]).unwrap()).len(), 16);
+    let config = restricted(&["scene=city", "variant=Wide4*", "variant=!*CBTC"]).unwrap();
+    assert_eq!(keys(&config), ["city | Wide4"]);
+    let config = restricted(&["scene=city", "variant=!*CBTC"]).unwrap();
+    assert_eq!(keys(&config), ["city | Binary", "city | Wide4"]);
     let config = restricted(&["scene=city", "variant=Wide4*"]).unwrap();
     assert_eq!(
         keys(&config),
