@@ -49,18 +49,24 @@ pub fn p_values(cells: &[Cell], most: usize, random: &mut Random) -> Option<PVal
     // The mean of one cell is that cell.
     let one = cells.len() == 1;
     for _ in 0..most {
-        let open = |(tally, exact): (&Tally, &Option<f64>)| exact.is_none() && tally.open();
-        if !(tallies.iter().zip(&exact).any(open) || mean.open() && !one) {
+        // The mean takes all cells; without it, those that are known well enough have a rest.
+        let of_mean = mean.open() && !one;
+        let (mut changes, mut idle) = (Change::NONE, !of_mean);
+        for ((deck, tally), exact) in decks.iter_mut().zip(&mut tallies).zip(&exact) {
+            if of_mean || exact.is_none() && tally.open() {
+                idle = false;
+                deck.exchange(random);
+                let change = deck.change();
+                tally.add(change.size());
+                changes.add(change);
+            }
+        }
+        if idle {
             break;
         }
-        let mut changes = Change::NONE;
-        for (deck, tally) in decks.iter_mut().zip(&mut tallies) {
-            deck.exchange(random);
-            let change = deck.change();
-            tally.add(change.size());
-            changes.add(change);
+        if of_mean {
+            mean.add(changes.size());
         }
-        mean.add(changes.size());
     }
     let cells: Vec<f64> =
         exact.iter().zip(&tallies).map(|(p, tally)| p.unwrap_or_else(|| tally.p())).collect();
