@@ -29,6 +29,13 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
+/// How many variants this build has: with or without those in Slang.
+fn built() -> usize {
+    let listed = works(folder().path(), "variants --json").stdout;
+    let listed: serde_json::Value = serde_json::from_slice(&listed).unwrap();
+    listed.as_array().unwrap().iter().filter(|variant| variant["missing"].is_null()).count()
+}
+
 /// Runs it, requires success and returns what it printed.
 fn works(folder: &Path, line: &str) -> Output {
     let output = runner(folder, line).output().unwrap();
@@ -430,7 +437,7 @@ fn every_variant_is_measured_and_compared() {
     let output = works(here.path(), line);
     let table = text(&output.stdout);
     let record = valid(&here.path().join("x.json"));
-    assert_eq!(record.results.len(), 13);
+    assert_eq!(record.results.len(), built());
     assert!(table.contains("secondary rays: "), "{table}");
     for point in &record.results {
         assert!(table.contains(&point.variant), "{table}");
@@ -445,7 +452,7 @@ fn every_variant_is_measured_and_compared() {
             }
         }
         let children = point.of_trees(|t| t.average_children);
-        assert_eq!(point.variant == "Binary", children == 2.0, "{}: {children}", point.variant);
+        assert_eq!(point.variant.starts_with("Binary"), children == 2.0, "{}: {children}", point.variant);
         // What a variant has of its own is in its point.
         let wide = point.variant.starts_with("Wide8") || point.variant.starts_with("Wide6");
         assert_eq!(point.parameters.get("collapse.c_t").is_some(), wide, "{}", point.variant);
@@ -462,7 +469,7 @@ fn a_user_validates_a_scene() {
     let here = folder();
     let found = text(&works(here.path(), "validate cornell:triangles=300 --size 24x14 --validate").stdout);
     for what in ["binary tree", "collapse", "contraction", "layout", "hits", "brute force"] {
-        assert_eq!(found.matches(&format!(": {what}: ")).count(), 13, "{what}: {found}");
+        assert_eq!(found.matches(&format!(": {what}: ")).count(), built(), "{what}: {found}");
     }
     assert!(found.trim_end().ends_with("everything holds") && !found.contains("FAILED"), "{found}");
 }
@@ -479,14 +486,28 @@ fn variants_are_listed_with_their_nodes() {
     }
     let json: serde_json::Value =
         serde_json::from_slice(&works(here.path(), "variants --json").stdout).unwrap();
-    assert_eq!(json.as_array().unwrap().len(), 13);
+    let all = json.as_array().unwrap();
+    assert_eq!(all.len(), 26);
+    let slang = all.iter().filter(|variant| variant["language"] == "Slang");
+    assert_eq!(slang.clone().count(), 13);
+    // Where the build has no Slang compiler, all of them are unavailable, and nothing else is.
+    for variant in slang {
+        let name = variant["name"].as_str().unwrap();
+        let row = table.lines().find(|line| line.starts_with(&format!("{name}  "))).unwrap();
+        assert_eq!(row.contains("unavailable"), variant["missing"].is_string(), "{row}");
+        assert_eq!(variant["missing"].is_string(), built() == 13, "{name}");
+    }
+    if built() == 13 {
+        assert!(table.contains("unavailable: no slangc"), "{table}");
+        fails(here.path(), "resources --variant *Slang*", 1, &["without Binary Slang: no slangc"]);
+    }
 }
 
 #[test]
 fn a_path_in_one_kernel_is_measured_as_well() {
     let here = folder();
     let line = "run cornell:triangles=300 --samples 1 --size 24x14 --views 0 --builds 1 --depth 3 \
-                --variant Binary --variant Wide6*Quantized --set trace.kernels=single -o x.json";
+                --variant Binary --variant Wide6*Quantized --variant !*Slang* --set trace.kernels=single -o x.json";
     works(here.path(), line);
     let record = valid(&here.path().join("x.json"));
     for point in &record.results {
