@@ -16,8 +16,9 @@ fn every_record_of_a_report_is_read() {
     {
         for file in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
             if file.extension().is_some_and(|extension| extension == "json") {
-                // Some are what stabilize wrote about a run.
-                if record::Report::read(&file).is_err() {
+                // Some are what stabilize wrote about a run, or `runner resources --json`.
+                let text = fs::read_to_string(&file).unwrap();
+                if record::Report::read(&file).is_err() && !text.contains("\n  \"multiprocessors\": ") {
                     load(&file).unwrap_or_else(|error| panic!("{error}"));
                     read += 1;
                 }

@@ -112,7 +112,10 @@ impl Gpu for Nvidia {
 
     fn undo_of(&self, change: &Change) -> Answer<Option<Change>> {
         Ok(match change {
-            Change::Persistence { .. } => self.persistence()?.map(|on| Change::Persistence { on }),
+            // Without knowing what it was there is no way back, so it is not changed.
+            Change::Persistence { .. } => {
+                Some(Change::Persistence { on: self.persistence()?.ok_or(Trouble::NotSupported)? })
+            }
             // NVML does not tell what somebody else had locked.
             Change::Lock { domain, .. } => Some(Change::Unlock { domain: *domain }),
             Change::Unlock { .. } | Change::Level { .. } => None,

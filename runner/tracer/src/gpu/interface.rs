@@ -2,7 +2,7 @@
 //! host's structs. Only in test builds.
 
 use super::{Shader, device::PUSH_BYTES, shaders};
-use crate::permutations::{ARITIES, Layout, PER_ARITY, PER_LAYOUT};
+use crate::permutations::{ARITIES, IN_SLANG, Layout, PER_ARITY, PER_LAYOUT};
 use std::collections::{BTreeSet, HashMap};
 
 /// A field as the host lays it out.
@@ -240,7 +240,11 @@ fn every_shader_is_in_the_list_once() {
             let stem = source.strip_prefix(&root).unwrap().with_extension("");
             let stem = stem.to_str().unwrap().to_owned();
             if PER_LAYOUT.contains(&&*stem) {
-                Layout::ALL.iter().map(|l| format!("{stem}/{}", l.symbol())).collect()
+                let of = |ending: &str| -> Vec<String> {
+                    Layout::ALL.iter().map(|l| format!("{stem}/{}{ending}", l.symbol())).collect()
+                };
+                let in_slang = IN_SLANG.contains(&&*stem) && super::shaders::SLANG_MISSING.is_none();
+                [of(""), if in_slang { of("/slang") } else { Vec::new() }].concat()
             } else if PER_ARITY.contains(&&*stem) {
                 ARITIES.iter().map(|arity| format!("{stem}/{arity}")).collect()
             } else {
