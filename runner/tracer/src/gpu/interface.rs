@@ -243,7 +243,7 @@ fn every_shader_is_in_the_list_once() {
                 let of = |ending: &str| -> Vec<String> {
                     Layout::ALL.iter().map(|l| format!("{stem}/{}{ending}", l.symbol())).collect()
                 };
-                let in_slang = IN_SLANG.contains(&&*stem) && super::shaders::SLANG_MISSING.is_none();
+                let in_slang = IN_SLANG.contains(&&*stem) && shaders::SLANG_MISSING.is_none();
                 [of(""), if in_slang { of("/slang") } else { Vec::new() }].concat()
             } else if PER_ARITY.contains(&&*stem) {
                 ARITIES.iter().map(|arity| format!("{stem}/{arity}")).collect()
