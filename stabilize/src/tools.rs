@@ -12,10 +12,13 @@ use nix::unistd::geteuid;
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How long to wait for the buses at most.
 const BUS_LIMIT: Duration = Duration::from_secs(2);
+
+/// How long to wait for a watchdog that puts a GPU back.
+const WATCHDOG_LIMIT: Duration = Duration::from_secs(5);
 
 /// Prints which GPUs are held or were left changed, and what their clocks are. A journal that cannot be read, as
 /// root's may be, is told, and hides nothing of the others.
@@ -100,7 +103,7 @@ pub fn restore(to: Option<RestoreTo>) -> anyhow::Result<Exit> {
     let found = gpu::find();
     let (mut failed, mut any) = (false, false);
     for file in Folder::open(&path)?.files()? {
-        match Journal::lock_file(file)? {
+        match lock(&file)? {
             Ok(mut journal) => {
                 for restoration in repair(&found, &mut journal, to.unwrap_or_default()) {
                     any = true;
@@ -113,10 +116,11 @@ pub fn restore(to: Option<RestoreTo>) -> anyhow::Result<Exit> {
                 let Holder { process, user, gpu, .. } = holder;
                 writeln!(out, "{} is in use by stabilize {process} of {user}: left alone", gpu.name)?;
             }
-            // Its watchdog is at work.
             Err(_) => {
                 any = true;
-                writeln!(out, "a watchdog is putting a GPU back right now")?;
+                failed = true;
+                let limit = WATCHDOG_LIMIT.as_secs();
+                writeln!(out, "a watchdog is still putting a GPU back after {limit} s; ask again")?;
             }
         }
     }
@@ -124,6 +128,18 @@ pub fn restore(to: Option<RestoreTo>) -> anyhow::Result<Exit> {
         writeln!(out, "nothing to put back")?;
     }
     Ok(if failed { Exit::FAILED } else { Exit::DONE })
+}
+
+/// Locks a journal, or says who holds it. Where only a watchdog does, it is waited for: what it leaves is left for us.
+fn lock(file: &File) -> anyhow::Result<Result<Journal, Option<Holder>>> {
+    let started = Instant::now();
+    loop {
+        match Journal::lock_file(file.try_clone()?)? {
+            Err(Some(holder)) if holder.is_alive() => return Ok(Err(Some(holder))),
+            Err(_) if started.elapsed() < WATCHDOG_LIMIT => std::thread::sleep(Duration::from_millis(10)),
+            result => return Ok(result),
+        }
+    }
 }
 
 /// Prints what can be locked, what cannot and why, and what to do about it.

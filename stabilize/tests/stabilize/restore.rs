@@ -60,6 +60,11 @@ fn kill_both(child: &mut Child) {
     kill(dog, Signal::SIGKILL).unwrap();
     kill(pid(child), Signal::SIGKILL).unwrap();
     child.wait().unwrap();
+    // It holds the GPU until it has ended, and whoever inherits it may be slow to clear it away.
+    eventually(SOON, "the watchdog has ended", || {
+        let stat = fs::read_to_string(format!("/proc/{dog}/stat")).unwrap_or_default();
+        stat.rsplit_once(") ").is_none_or(|(_, rest)| rest.starts_with(['Z', 'X']))
+    });
 }
 
 #[test]
@@ -213,6 +218,19 @@ fn a_slow_driver_is_waited_for() {
     kill(pid(&child), Signal::SIGKILL).unwrap();
     child.wait().unwrap();
     eventually(SOON, "all is as before", || machine.settings() == first);
+}
+
+/// Whoever asks for it right after the death of a stabilize is told when all is back, not that it will be.
+#[test]
+fn restore_waits_for_the_watchdog() {
+    let machine = Machine::new();
+    let first = machine.settings();
+    let child = &mut running(&machine);
+    machine.fault("DeviceResetGpuLockedClocks", FaultKind::Slow { milliseconds: 300 });
+    kill(pid(child), Signal::SIGKILL).unwrap();
+    child.wait().unwrap();
+    let ran = machine.run(&["restore"]);
+    assert_eq!((ran.status, machine.settings()), (Some(0), first), "{ran:?}");
 }
 
 #[test]
