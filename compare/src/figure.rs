@@ -44,6 +44,13 @@ pub enum Figure {
     Bytes,
 }
 
+/// By the name of its column.
+impl serde::Serialize for Figure {
+    fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(self.column())
+    }
+}
+
 impl Figure {
     /// All of them.
     pub const ALL: [Figure; 13] = [

@@ -1,4 +1,7 @@
-"""Prints the table of README.md from language/journal.jsonl: each technique at its best size of workgroup."""
+"""Prints the tables of rates in README.md.
+
+From language/journal.jsonl each technique at its best size of workgroup, and from default.json Slang relative to GLSL.
+"""
 
 import json
 import pathlib
@@ -63,4 +66,23 @@ def main():
             print(f"| {variant} | " + " | ".join(cells) + " |")
 
 
+def defaults():
+    rates = {}
+    scenes = []
+    for point in json.loads(pathlib.Path(__file__).with_name("default.json").read_text())["results"]:
+        scene = point["scene"]["name"]
+        if scene not in scenes:
+            scenes.append(scene)
+        for rays, depths in [("primary", slice(1)), ("secondary", slice(1, None))]:
+            rates[scene, point["variant"], rays] = rate(point, depths)
+    print("\n| variant | primary | secondary |\n|---|---|---|")
+    for variant in VARIANTS:
+        cells = []
+        for rays in ["primary", "secondary"]:
+            ratios = [rates[scene, slang(variant), rays] / rates[scene, variant, rays] for scene in scenes]
+            cells.append(", ".join(f"{100 * (ratio - 1):+.1f}%" for ratio in ratios))
+        print(f"| {variant} | " + " | ".join(cells) + " |")
+
+
 main()
+defaults()

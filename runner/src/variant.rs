@@ -41,7 +41,6 @@ impl Variant {
 
     /// Every variant, in the order of tables.
     pub const ALL: &[Self] = {
-        const BINARY: [Variant; 2] = [Variant::BINARY, of(Layout::Binary, Slang, false)];
         const WIDE: [[Variant; 8]; 3] = [
             wide(Layout::Wide4, Layout::Quantized4),
             wide(Layout::Wide6, Layout::Quantized6),
@@ -49,7 +48,7 @@ impl Variant {
         ];
         const ALL: [Variant; 26] = {
             let mut all = [Variant::BINARY; 26];
-            all[1] = BINARY[1];
+            all[1] = of(Layout::Binary, Slang, false);
             let mut at = 0;
             while at < 24 {
                 all[2 + at] = WIDE[at / 8][at % 8];

@@ -49,7 +49,6 @@ pub struct Section {
     /// Name of the variant.
     pub variant: String,
     /// What sets its points apart from others of the same variant.
-    #[serde(serialize_with = "as_text")]
     pub pass: Pass,
     /// One for each figure that both sides have.
     pub lines: Vec<Line>,
@@ -59,7 +58,6 @@ pub struct Section {
 #[derive(Clone, Debug, Serialize)]
 pub struct Line {
     /// The figure, by the name of its column.
-    #[serde(serialize_with = "as_column")]
     pub figure: Figure,
     /// The changes, scene by scene.
     pub scenes: Vec<Change>,
@@ -93,14 +91,6 @@ pub struct Change {
     pub verdict: Verdict,
     /// Of what is unclear, about how many samples of each view would tell; absent where none or too many would.
     pub samples_needed: Option<usize>,
-}
-
-fn as_text<S: serde::Serializer>(pass: &Pass, to: S) -> Result<S::Ok, S::Error> {
-    to.collect_str(pass)
-}
-
-fn as_column<S: serde::Serializer>(figure: &Figure, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_str(figure.column())
 }
 
 impl Side {

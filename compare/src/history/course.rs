@@ -47,10 +47,8 @@ pub struct Course {
     /// Name of the variant.
     pub variant: String,
     /// What sets its points apart from others of the same variant.
-    #[serde(serialize_with = "as_text")]
     pub pass: Pass,
     /// The rate, by the name of its column.
-    #[serde(serialize_with = "as_column")]
     pub figure: Figure,
     /// Its values, the oldest first.
     pub steps: Vec<Step>,
@@ -79,14 +77,6 @@ pub struct Since {
     /// The change.
     #[serde(flatten)]
     pub change: Change,
-}
-
-fn as_text<S: serde::Serializer>(pass: &Pass, to: S) -> Result<S::Ok, S::Error> {
-    to.collect_str(pass)
-}
-
-fn as_column<S: serde::Serializer>(figure: &Figure, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_str(figure.column())
 }
 
 impl History {

@@ -1,9 +1,9 @@
 //! Values that change sides.
 
-use super::{Cell, Middle, Random};
+use super::{Cell, Middle, Random, ways};
 
 /// Up to so many ways to exchange, all of them are tried, and p is exact.
-const EXACT: usize = 20_000;
+const EXACT: f64 = 20_000.0;
 
 /// A logarithm of a ratio and its variance; of several cells, sums of both.
 #[derive(Clone, Copy)]
@@ -104,15 +104,14 @@ impl Deck {
 
     /// The exact p of this cell alone, where there are few ways to exchange.
     pub fn exact(&mut self) -> Option<f64> {
-        let ways = |pile: &Pile| binomial(pile.values.len(), pile.few);
-        let all = self
-            .groups
-            .iter()
-            .try_fold(1usize, |all, pile| Some(all * ways(pile)?).filter(|&all| all <= EXACT))?;
+        let all: f64 = self.groups.iter().map(|pile| ways(pile.few, pile.values.len() - pile.few)).product();
+        if all > EXACT {
+            return None;
+        }
         let measured = self.change().size() * (1.0 - 1e-9);
         let mut extreme = 0;
-        self.each(0, &mut |deck| extreme += usize::from(deck.change().size() >= measured));
-        Some(extreme as f64 / all as f64)
+        self.each(0, &mut |deck| extreme += u32::from(deck.change().size() >= measured));
+        Some(f64::from(extreme) / all)
     }
 
     /// Calls `visit` with every way to deal the piles from `pile` on, and puts them back.
@@ -156,12 +155,4 @@ impl Pile {
             (mean, variance)
         })
     }
-}
-
-/// In how many ways some can be chosen of `all`; nothing where they are more than anybody will try.
-fn binomial(all: usize, some: usize) -> Option<usize> {
-    let ways = (0..some.min(all - some)).try_fold(1u64, |ways, taken| {
-        Some(ways * (all - taken) as u64 / (taken as u64 + 1)).filter(|&ways| ways <= EXACT as u64)
-    })?;
-    usize::try_from(ways).ok()
 }

@@ -18,8 +18,8 @@ impl Only {
 }
 
 impl Config {
-    /// Leaves only what `only` says, AXIS=VALUE each: `scene`, `variant` (with `*`, and `!` to leave out), `view`, or a parameter
-    /// that is an axis. Several of one axis leave any of their values.
+    /// Leaves only what `only` says, AXIS=VALUE each: `scene`, `variant` (with `*`, and `!` to leave out), `view`, or
+    /// a parameter that is an axis. Several of one axis leave any of their values.
     ///
     /// # Errors
     /// No such axis, a value that it does not have, or nothing would be left.

@@ -153,10 +153,11 @@ impl<'s> Reader<'s> {
             for pattern in &patterns {
                 known &= !when::variants(pattern.get_ref(), pattern.span(), mistakes).is_empty();
             }
+            let place = patterns.first().map_or(0..0, Spanned::span);
             let patterns: Vec<String> = patterns.iter().map(|pattern| pattern.get_ref().clone()).collect();
             match Variant::select(&patterns) {
                 Ok(variants) => config.variants = variants,
-                Err(error) if known => mistakes.add(0..0, error),
+                Err(error) if known => mistakes.add(place, error),
                 Err(_) => {}
             }
         }

@@ -32,6 +32,7 @@ impl fmt::Debug for Kernel {
 /// for it, so the instructions are put where they belong: the extension before the memory model, and the mode behind
 /// the entry point.
 fn reconverging(words: &[u32]) -> Vec<u32> {
+    const IMPORT: u32 = 11;
     const MEMORY_MODEL: u32 = 14;
     const ENTRY_POINT: u32 = 15;
     const EXECUTION_MODE: u32 = 16;
@@ -44,8 +45,8 @@ fn reconverging(words: &[u32]) -> Vec<u32> {
     while let [first, ..] = rest {
         let (instruction, next) = rest.split_at((first >> 16).max(1) as usize);
         let operation = first & 0xFFFF;
-        // Extensions stand before imports (11) and the memory model.
-        if !extended && matches!(operation, 11 | MEMORY_MODEL) {
+        // Extensions stand before imports and the memory model.
+        if !extended && matches!(operation, IMPORT | MEMORY_MODEL) {
             extended = true;
             made.push((1 + name.len() as u32 / 4) << 16 | EXTENSION);
             made.extend(name.chunks_exact(4).map(|c| u32::from_le_bytes([c[0], c[1], c[2], c[3]])));
