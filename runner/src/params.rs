@@ -41,7 +41,7 @@ pub struct Params {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Contract {
-    /// `sah` or `satc`.
+    /// `sah`, `satc`, `wald`, `afra`, `fixed` or `optimal`.
     pub by_area: Contraction,
     /// `cbtc` or `rdtc`.
     pub by_view: Contraction,
@@ -49,12 +49,21 @@ pub struct Contract {
     pub alpha: f32,
     /// `auto`, `handover` or `levels`.
     pub form: Form,
+    /// c_node of `optimal`.
+    #[serde(rename = "c_node")]
+    pub c_node: f32,
+    /// c_prim of `optimal`.
+    #[serde(rename = "c_prim")]
+    pub c_prim: f32,
+    /// P_max of `optimal`.
+    #[serde(rename = "p_max")]
+    pub p_max: u32,
 }
 
 impl Default for Contract {
     fn default() -> Self {
-        let ContractParams { method, alpha, form } = ContractParams::default();
-        Self { by_area: method, by_view: Contraction::Cbtc, alpha, form }
+        let ContractParams { method, alpha, form, c_node, c_prim, p_max } = ContractParams::default();
+        Self { by_area: method, by_view: Contraction::Cbtc, alpha, form, c_node, c_prim, p_max }
     }
 }
 
@@ -83,13 +92,13 @@ impl Params {
 
     /// What the builder takes for a variant; where that goes by view, this is the last step's.
     pub fn build(&self, variant: Variant) -> BuildParams {
-        let Contract { by_area, by_view, alpha, form } = self.contract;
+        let Contract { by_area, by_view, alpha, form, c_node, c_prim, p_max } = self.contract;
         let method = if variant.by_view { by_view } else { by_area };
         BuildParams {
             morton: self.morton.clone(),
             ploc: self.ploc.clone(),
             collapse: self.collapse.clone(),
-            contract: ContractParams { method, alpha, form },
+            contract: ContractParams { method, alpha, form, c_node, c_prim, p_max },
             layout: self.layout.clone(),
         }
     }
@@ -163,6 +172,9 @@ impl Params {
             ("collapse.c_i", f64::from(self.collapse.intersection_cost), 0.0..=1e9),
             ("collapse.max_leaf", f64::from(self.collapse.max_leaf), 1.0..=16.0),
             ("contract.alpha", f64::from(self.contract.alpha), 0.0..=1.0),
+            ("contract.c_node", f64::from(self.contract.c_node), 0.0..=1e6),
+            ("contract.c_prim", f64::from(self.contract.c_prim), 0.0..=1e6),
+            ("contract.p_max", f64::from(self.contract.p_max), 1.0..=16.0),
             ("cbtc.depth-limit", f64::from(self.cbtc.depth_limit), 0.0..=63.0),
             ("cbtc.subsampling", f64::from(self.cbtc.subsampling), 1.0..=1e9),
             ("trace.primary_subgroups", f64::from(self.trace.primary_subgroups), 1.0..=1024.0),
@@ -182,8 +194,9 @@ impl Params {
         let methods = [("by-area", self.contract.by_area, false), ("by-view", self.contract.by_view, true)];
         for (name, method, by_view) in methods {
             if method.by_view() != by_view {
-                let fit: Vec<_> = Contraction::ALL.iter().filter(|m| m.by_view() == by_view).collect();
-                bail!("contract.{name} is {} or {}, not {method}", fit[0], fit[1]);
+                let fit = Contraction::ALL.iter().filter(|m| m.by_view() == by_view);
+                let fit: Vec<_> = fit.map(ToString::to_string).collect();
+                bail!("contract.{name} is one of {}, not {method}", fit.join(", "));
             }
         }
         if ![4, 8, 16].contains(&self.layout.align) {
@@ -226,7 +239,11 @@ mod tests {
         let error = params.set(&["morton.bits=22".into()]).unwrap_err().to_string();
         assert!(error.contains("morton.bits is from 1 to 21"), "{error}");
         assert!(
-            params.set(&["contract.by-area=cbtc".into()]).unwrap_err().to_string().contains("sah or satc")
+            params
+                .set(&["contract.by-area=cbtc".into()])
+                .unwrap_err()
+                .to_string()
+                .contains("one of sah, satc, wald")
         );
         assert!(params.set(&["contract.by-view=best".into()]).is_err());
         assert!(params.set(&["layout.align=12".into()]).is_err());

@@ -188,7 +188,7 @@ fn check(
         checks.report(
             "contraction",
             of_view,
-            validate::wide(&made, &tree, &subtrees)
+            validate::wide(&made, &tree, &subtrees, contracted.method.keeps_leaves())
                 .map_err(|e| e.to_string())
                 .and_then(|()| require(made.canonical() == twin, "another tree than the CPU makes"))
                 .and_then(|()| {

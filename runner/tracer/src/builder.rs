@@ -420,13 +420,14 @@ impl Widen {
         count: usize,
         visits: Option<Visits<'_>>,
     ) -> Result<BuildReport, BuildError> {
-        assert!(from.last.get().is_some_and(|(of, _)| of == count), "no build of {count} triangles");
+        let last = from.last.get().filter(|&(of, _)| of == count);
+        let (_, Dispatches { levels, .. }) = last.unwrap_or_else(|| panic!("no build of {count} triangles"));
         assert!(count <= to.capacity, "{count} triangles in a workspace for {}", to.capacity);
         let input = Input { triangles, count };
         let mut timings = Timings::default();
         let mut pass = Pass::new(&self.gpu)?;
         pass.time_dispatches(false);
-        let source = Source { visits, large: u32::MAX };
+        let source = Source { visits, large: levels };
         pass.scope("build", |pass| self.record(pass, from, to, input, source, true));
         timings.spans.extend(pass.submit()?.spans);
         let progress = self.finish(from, to, input, source, &mut timings)?;

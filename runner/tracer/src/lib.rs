@@ -15,6 +15,7 @@ pub mod ploc;
 pub mod scene;
 pub mod sort;
 pub mod traverse;
+mod upwards;
 pub mod validate;
 
 /// What can go wrong between a scene and its hits.

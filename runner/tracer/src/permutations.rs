@@ -93,4 +93,4 @@ pub const PER_LAYOUT: &[&str] = &["layout/encode", "traverse/closest_hit", "path
 pub const IN_SLANG: &[&str] = &["traverse/closest_hit"];
 
 /// Sources under `src/` that are compiled once for each of [`ARITIES`].
-pub const PER_ARITY: &[&str] = &["contract/levels", "contract/handover"];
+pub const PER_ARITY: &[&str] = &["contract/levels", "contract/handover", "contract/optimal/costs"];

@@ -53,7 +53,11 @@ impl<'a> Collapsed<'a> {
         let layout = to.tree(&report.summary, 0.0).layout;
         let what = format!("{what}, {layout:?}");
         let wide = to.read_wide(report.summary.nodes as usize).unwrap();
-        assert_eq!(validate::wide(&wide, &self.tree, &self.subtrees), Ok(()), "{what}");
+        assert_eq!(
+            validate::wide(&wide, &self.tree, &self.subtrees, params.method.keeps_leaves()),
+            Ok(()),
+            "{what}"
+        );
         let canonical = wide.canonical();
         let twin =
             contract::cpu::contract(&self.tree, &self.subtrees, self.scale, layout.arity(), params, visits);
@@ -350,7 +354,7 @@ fn both_forms_of_contraction_make_the_same_tree() {
     let threshold = 20;
     for layout in BY_ARITY {
         for &method in Contraction::ALL {
-            let params = |form| ContractParams { method, alpha: 0.3, form };
+            let params = |form| ContractParams { method, alpha: 0.3, form, p_max: 4, ..Default::default() };
             let forms =
                 [Form::Levels, Form::Handover].map(|form| (params(form), widen(layout, &params(form), 4)));
             assert_eq!(forms.each_ref().map(|(_, w)| w.form()), [Form::Levels, Form::Handover]);
@@ -391,7 +395,7 @@ fn contractions_that_do_not_fill_obey_alpha() {
         for method in [Contraction::Satc, Contraction::Rdtc] {
             let mut means = Vec::new();
             for alpha in [0.0, 0.4, 0.7, 1.0, f32::INFINITY] {
-                let params = ContractParams { method, alpha, form: Form::Auto };
+                let params = ContractParams { method, alpha, ..Default::default() };
                 let widen = widen(layout, &params, 4);
                 let to = widen.workspace(n).unwrap();
                 let what = format!("{method}, alpha {alpha}");

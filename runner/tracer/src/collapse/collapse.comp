@@ -19,8 +19,7 @@ layout(push_constant, scalar) uniform Push {
     float traversal_cost;
     float intersection_cost;
     uint max_leaf;
-    // A level, or TAIL for all from `levels.tail` on in one workgroup.
-    uint level;
+    uint level;  // see upwards.glsl
 };
 
 float area_of(Bvh2Node node, float scale) {
@@ -36,7 +35,7 @@ Subtree subtree_of(uint node, uint leaves, float scale) {
     return Subtree(cost, 1, 0, 0);
 }
 
-void collapse(uint index, uint leaves, float scale) {
+void visit(uint index, uint leaves, float scale) {
     Bvh2Node node = nodes.v[index];
     float area = area_of(node, scale);
     Subtree l = subtree_of(node.lo_left.w, leaves, scale);
@@ -53,22 +52,4 @@ void collapse(uint index, uint leaves, float scale) {
     subtrees.v[index - leaves] = pack_subtree(result);
 }
 
-void main() {
-    // 0 while the tree is incomplete; then nothing here is of use.
-    uint levels_end = levels.count;
-    uint begin = level == TAIL ? levels.tail : level;
-    uint end = level == TAIL ? levels_end : min(level + 1, levels_end);
-    uint leaves = levels.leaves;
-    float scale = scene_scale(bounds);
-    uint stride = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
-    for (uint k = begin; k < end; ++k) {
-        uint last = levels.first[k + 1];
-        for (uint i = levels.first[k] + gl_GlobalInvocationID.x; i < last; i += stride) {
-            collapse(i, leaves, scale);
-        }
-        if (level == TAIL) {
-            memoryBarrierBuffer();
-            barrier();
-        }
-    }
-}
+#include "upwards.glsl"

@@ -13,8 +13,8 @@
 
 use crate::{
     bvh2::{Bvh2Buffers, MAX_TRIANGLES},
-    gpu::{Buffer, Error, Gpu, Kernel, Pass, shaders},
-    ploc::{LEVEL_WORKGROUP, TAIL_WORKGROUP},
+    gpu::{Buffer, Error, Gpu, Pass, shaders},
+    upwards::Upwards,
 };
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
@@ -65,8 +65,7 @@ const _: () = {
 /// The kernel, compiled.
 #[derive(Debug)]
 pub struct Collapse {
-    level: Kernel,
-    tail: Kernel,
+    kernel: Upwards,
     params: CollapseParams,
 }
 
@@ -83,9 +82,6 @@ struct Push {
     level: u32,
 }
 
-/// Instead of a level: all small levels in one workgroup; `TAIL` in `levels.glsl`.
-pub(crate) const TAIL: u32 = u32::MAX;
-
 impl Collapse {
     /// Compiles the kernel.
     ///
@@ -96,13 +92,7 @@ impl Collapse {
     /// `max_leaf` is not in 1 to 16.
     pub fn new(gpu: &Gpu, params: &CollapseParams) -> Result<Self, Error> {
         assert!((1..=16).contains(&params.max_leaf), "a leaf has 1 to 16 triangles, not {}", params.max_leaf);
-        let kernel = |size| Kernel::new(gpu, &shaders::COLLAPSE_COLLAPSE, size, &[]);
-        let most = gpu.info().max_workgroup_size;
-        Ok(Self {
-            level: kernel(LEVEL_WORKGROUP.min(most))?,
-            tail: kernel(TAIL_WORKGROUP.min(most))?,
-            params: params.clone(),
-        })
+        Ok(Self { kernel: Upwards::new(gpu, &shaders::COLLAPSE_COLLAPSE, &[])?, params: params.clone() })
     }
 
     /// Allocates the subtrees of a tree of `leaves` leaves.
@@ -122,7 +112,7 @@ impl Collapse {
         subtrees: &Buffer,
         large_levels: u32,
     ) {
-        let push = |level| Push {
+        self.kernel.record(pass, tree, large_levels, |level| Push {
             nodes: tree.nodes.address(),
             levels: tree.levels.address(),
             subtrees: subtrees.address(),
@@ -131,17 +121,7 @@ impl Collapse {
             intersection_cost: self.params.intersection_cost,
             max_leaf: self.params.max_leaf,
             level,
-        };
-        for level in 0..large_levels {
-            pass.dispatch_indirect(
-                "level",
-                &self.level,
-                &push(level),
-                &tree.levels,
-                Bvh2Buffers::arguments(level),
-            );
-        }
-        pass.dispatch("tail", &self.tail, &push(TAIL), 1);
+        });
     }
 }
 

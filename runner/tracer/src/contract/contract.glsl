@@ -1,5 +1,6 @@
 // Chooses the children of one wide node: the greedy top-down conversion of Benthin et al. 2024 (H-PLOC;
-// thesis 2.1.4 and 4.2), with four ways of saying which candidate is best opened.
+// thesis 2.1.4 and 4.2), with several ways of saying which candidate is best opened, or by a plan that was made
+// before.
 //
 //   binary tree below N, arity 4: N has A and B, A has C and D, D has E and F
 //
@@ -18,13 +19,14 @@
 #include "bvh2.glsl"
 #include "collapse.glsl"
 #include "levels.glsl"
+#include "plans.glsl"
 #include "scene_bounds.glsl"
 #include "wide.glsl"
 
 layout(local_size_x_id = 0) in;
 // `Contraction` in contract/mod.rs.
 layout(constant_id = 1) const uint METHOD = 0;
-const uint SAH = 0, SATC = 1, CBTC = 2, RDTC = 3;
+const uint SAH = 0, SATC = 1, CBTC = 2, RDTC = 3, WALD = 4, AFRA = 5, FIXED = 6, OPTIMAL = 7;
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Visits {
     uint v[];
@@ -46,6 +48,7 @@ layout(push_constant, scalar) uniform Push {
     Subtrees subtrees;
     SceneBounds bounds;
     Visits visits;  // by inner node of the binary tree
+    Plans plans;    // likewise, of the optimal contraction
     WideNodes wide;
     Tasks tasks;
     Ways ways;
@@ -63,9 +66,9 @@ struct Parent {
 };
 
 // How much a candidate of `area`, with `triangles` below it and visited by so many sample rays, is worth
-// opening; negative for not at all. No division, whose rounding Vulkan leaves open: the twin on the CPU has
-// to find the same bits.
-float worth(Parent parent, float area, uint triangles, uint visits) {
+// opening; negative for not at all. `above` is what the node was worth whose child it is. No division, whose
+// rounding Vulkan leaves open: the twin on the CPU has to find the same bits.
+float worth(Parent parent, float area, uint triangles, uint visits, float above) {
     if (METHOD == SAH) {
         // Thesis 4.2.1: surface area times primitives.
         precise float product = area * float(triangles);
@@ -79,6 +82,12 @@ float worth(Parent parent, float area, uint triangles, uint visits) {
         precise float least = alpha * float(parent.visits);
         return parent.visits > threshold && float(visits) > least ? float(visits) : -1.0;
     }
+    if (METHOD == WALD || METHOD == AFRA) {
+        return area;
+    }
+    if (METHOD == FIXED) {
+        return above - 1.0;  // a level lower
+    }
     // CBTC (Gu et al. 2015; thesis 2.1.2): visits / parent's visits above the threshold, else area /
     // parent's area; both multiplied by both parents' to be comparable without dividing. No child is
     // visited more often than its parent, so at or below the threshold only areas are compared.
@@ -90,6 +99,16 @@ float worth(Parent parent, float area, uint triangles, uint visits) {
     return visits > threshold ? by_view : by_area;
 }
 
+// Adds a child with so many triangles, 0 for a node.
+#define ADD_CHILD(node_, triangles_)                    \
+    [[unroll]] for (uint i = 0; i < ARITY; i++) {       \
+        if (i == count) {                               \
+            id[i] = node_;                              \
+            size[i] = triangles_;                       \
+        }                                               \
+    }                                                   \
+    count++;
+
 // Makes wide node `index` of binary node `from`, where `active_`; all invocations of the subgroup take part
 // in the allocation.
 void contract(bool active_, uint index, uint from) {
@@ -100,16 +119,51 @@ void contract(bool active_, uint index, uint from) {
     uint count = 0;
     uint triangles = 0;
     if (active_) {
+        triangles = unpack_subtree(subtrees.v[from - leaves]).triangles;
+    }
+    if (active_ && METHOD == OPTIMAL) {
+        // Left to right, of what has been planned below `from`: a node, and how many children it may become.
+        uint todo[ARITY];
+        Bvh2Node node = nodes.v[from];
+        uint left = plan_left(plans.v[ARITY * (from - leaves) + ARITY - 1], ARITY);
+        todo[0] = (ARITY - left) << WIDE_COUNT_SHIFT | node.hi_right.w;
+        todo[1] = left << WIDE_COUNT_SHIFT | node.lo_left.w;
+        uint top = 2;
+        while (top > 0) {
+            uint word = todo[--top];
+            uint roots = word >> WIDE_COUNT_SHIFT;
+            uint child = word & WIDE_CHILD_MASK;
+            if (child < leaves) {
+                ADD_CHILD(child, 1)
+                continue;
+            }
+            uint decisions = plans.v[ARITY * (child - leaves) + ARITY - 1];
+            while (roots > 1 && plan_left(decisions, roots) == 0) {
+                roots--;
+            }
+            if (roots == 1) {
+                bool leaf = (decisions & PLAN_LEAF) != 0;
+                uint below = leaf ? unpack_subtree(subtrees.v[child - leaves]).triangles : 0;
+                ADD_CHILD(child, below)
+                continue;
+            }
+            left = plan_left(decisions, roots);
+            node = nodes.v[child];
+            todo[top++] = (roots - left) << WIDE_COUNT_SHIFT | node.hi_right.w;
+            todo[top++] = left << WIDE_COUNT_SHIFT | node.lo_left.w;
+        }
+    } else if (active_) {
         float scale = scene_scale(bounds);
         Bvh2Node node = nodes.v[from];
         Box box = bvh2_box(node);
         bool counted = METHOD == CBTC || METHOD == RDTC;
         Parent parent = Parent(box_half_area(box.lo, box.hi, scale), counted ? visits.v[from - leaves] : 0);
-        triangles = unpack_subtree(subtrees.v[from - leaves]).triangles;
         // Two candidates, then one more for each that is opened: its left child in its place, its right
         // child at the end.
         uint opened = 0;
         bool open = true;
+        bool in_leaf = false;              // the one that was opened last was a leaf
+        float above = float(findMSB(ARITY)) - 1.0;  // what it was worth
         uint pair[2] = uint[2](node.lo_left.w, node.hi_right.w);
         [[unroll]] for (uint last = 1; last < ARITY; last++) {
             if (open) {
@@ -122,8 +176,10 @@ void contract(bool active_, uint index, uint from) {
                         s = unpack_subtree(subtrees.v[child - leaves]);
                         visited = counted ? visits.v[child - leaves] : 0;
                     }
-                    bool leaf = s.inner == 0;
-                    float w = leaf ? -1.0 : worth(parent, box_half_area(b.lo, b.hi, scale), s.triangles, visited);
+                    bool leaf = in_leaf || s.inner == 0;
+                    float area = box_half_area(b.lo, b.hi, scale);
+                    float w = leaf ? (METHOD == AFRA && s.triangles > 1 ? area : -1.0)
+                                   : worth(parent, area, s.triangles, visited, above);
                     uint slot = side == 0 ? opened : last;
                     [[unroll]] for (uint i = 0; i < ARITY; i++) {
                         if (i == slot) {
@@ -136,13 +192,20 @@ void contract(bool active_, uint index, uint from) {
                 count = last + 1;
                 float best = -1.0;
                 uint chosen = 0;
-                [[unroll]] for (uint i = 0; i <= last; i++) {
-                    if (value[i] > best) {
-                        best = value[i];
-                        opened = i;
-                        chosen = id[i];
+                // Nodes, and leaves where no node is left to open.
+                [[unroll]] for (uint leaf = 0; leaf < (METHOD == AFRA ? 2 : 1); leaf++) {
+                    if (best < 0.0) {
+                        in_leaf = leaf == 1;
+                        [[unroll]] for (uint i = 0; i <= last; i++) {
+                            if (value[i] > best && (size[i] > 0) == in_leaf) {
+                                best = value[i];
+                                opened = i;
+                                chosen = id[i];
+                            }
+                        }
                     }
                 }
+                above = best;
                 open = best >= 0.0 && count < ARITY;
                 if (open) {
                     Bvh2Node c = nodes.v[chosen];

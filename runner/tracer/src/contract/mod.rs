@@ -29,9 +29,11 @@ use crate::{
     gpu::{Buffer, Error, Gpu, Kernel, Pass, groups, shaders},
 };
 use bytemuck::{Pod, Zeroable};
+use optimal::{Costs, Planner};
 use serde::{Deserialize, Serialize};
 
 pub mod cpu;
+pub mod optimal;
 
 /// By what a contraction says which child of a node under construction is replaced by its own children.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -49,20 +51,34 @@ pub enum Contraction {
     /// Ray-distribution guided tree contraction (Gu et al. 2015; thesis 2.1.2): while visits are more than α
     /// of the node's, the most visited first; nothing where the node's do not exceed the threshold.
     Rdtc,
+    /// Largest surface area first, until the node is full; leaves stay as they are (Wald et al. 2008).
+    Wald,
+    /// The same, and where slots are left, leaves are split (Áfra 2013).
+    Afra,
+    /// The nodes log2(arity) levels below (Ernst and Greiner 2008).
+    Fixed,
+    /// Of least SAH cost, leaves included (Ylitie et al. 2017, 3.4): see [`optimal`].
+    Optimal,
 }
 
 impl Contraction {
     /// Every contraction.
-    pub const ALL: &[Self] = &[Self::Sah, Self::Satc, Self::Cbtc, Self::Rdtc];
+    pub const ALL: &[Self] =
+        &[Self::Sah, Self::Satc, Self::Cbtc, Self::Rdtc, Self::Wald, Self::Afra, Self::Fixed, Self::Optimal];
 
     /// Whether it needs visit counts, so that its trees belong to a view.
     pub fn by_view(self) -> bool {
         matches!(self, Self::Cbtc | Self::Rdtc)
     }
 
+    /// Whether leaves are what the collapse made of them.
+    pub fn keeps_leaves(self) -> bool {
+        !matches!(self, Self::Afra | Self::Optimal)
+    }
+
     /// Whether it opens children until the node is full or only leaves are left.
     pub fn fills(self) -> bool {
-        matches!(self, Self::Sah | Self::Cbtc)
+        matches!(self, Self::Sah | Self::Cbtc | Self::Wald | Self::Afra)
     }
 }
 
@@ -73,6 +89,10 @@ impl std::fmt::Display for Contraction {
             Self::Satc => "satc",
             Self::Cbtc => "cbtc",
             Self::Rdtc => "rdtc",
+            Self::Wald => "wald",
+            Self::Afra => "afra",
+            Self::Fixed => "fixed",
+            Self::Optimal => "optimal",
         })
     }
 }
@@ -101,11 +121,25 @@ pub struct ContractParams {
     pub alpha: f32,
     /// How it is launched. Both forms make the same tree.
     pub form: Form,
+    /// c_node of `optimal`: what visiting a node costs.
+    pub c_node: f32,
+    /// c_prim of `optimal`: what testing a triangle costs. Less: larger leaves and fewer nodes.
+    pub c_prim: f32,
+    /// P_max of `optimal`: most triangles a leaf.
+    pub p_max: u32,
+}
+
+impl ContractParams {
+    /// Those that the optimal contraction goes by.
+    pub fn costs(&self) -> Costs {
+        Costs { node: self.c_node, triangle: self.c_prim, max_leaf: self.p_max }
+    }
 }
 
 impl Default for ContractParams {
     fn default() -> Self {
-        Self { method: Contraction::Sah, alpha: 0.6, form: Form::Auto }
+        // Ylitie et al. 2017, 5.1: c_prim = 0.3 is 98% of the best rate at 5% more memory than the least.
+        Self { method: Contraction::Sah, alpha: 0.6, form: Form::Auto, c_node: 1.0, c_prim: 0.3, p_max: 3 }
     }
 }
 
@@ -228,6 +262,8 @@ pub struct WideBuffers {
     pub nodes: Buffer,
     tasks: Buffer,
     ways: Buffer,
+    /// Of the optimal contraction.
+    plans: Option<Buffer>,
     /// One [`Progress`].
     pub progress: Buffer,
 }
@@ -296,6 +332,7 @@ struct Push {
     subtrees: u64,
     bounds: u64,
     visits: u64,
+    plans: u64,
     wide: u64,
     tasks: u64,
     ways: u64,
@@ -310,6 +347,7 @@ struct Push {
 #[derive(Debug)]
 pub struct Contract {
     prepare: Kernel,
+    planner: Option<Planner>,
     kernel: Kernel,
     arity: usize,
     params: ContractParams,
@@ -342,8 +380,10 @@ impl Contract {
         // A lone subgroup waits for nobody else, so anything can run the single launch, if slowly.
         let alone = form == Form::Handover && !info.hands_work_over();
         let size = if alone { info.subgroup_size } else { WORKGROUP.min(info.max_workgroup_size) };
+        let plans = params.method == Contraction::Optimal;
         Ok(Self {
             prepare: Kernel::new(gpu, &shaders::CONTRACT_PREPARE, info.subgroup_size, &[])?,
+            planner: plans.then(|| Planner::new(gpu, arity, params.costs())).transpose()?,
             kernel: Kernel::new(gpu, shader, size, &[params.method as u32])?,
             arity,
             params: params.clone(),
@@ -385,6 +425,7 @@ impl Contract {
             arity: self.arity,
             capacity,
             nodes: gpu.buffer("wide tree", bytes * (HEADER + self.arity) as u64)?,
+            plans: self.planner.as_ref().map(|planner| planner.buffer(gpu, triangles)).transpose()?,
             tasks: gpu.buffer("contraction tasks", bytes)?,
             ways: gpu.buffer("ways to wide nodes", bytes)?,
             progress: gpu.buffer("progress of a contraction", size_of::<Progress>() as u64)?,
@@ -423,6 +464,10 @@ impl Contract {
                 pad: 0,
             };
             pass.dispatch("prepare", &self.prepare, &push, 1);
+            if let (Some(planner), Some(plans)) = (&self.planner, &buffers.plans) {
+                let Input { tree, subtrees, bounds, large_levels, .. } = *input;
+                planner.record(pass, optimal::Input { tree, subtrees, bounds, large_levels }, plans);
+            }
         }
         let push = Push {
             nodes: input.tree.nodes.address(),
@@ -430,6 +475,7 @@ impl Contract {
             subtrees: input.subtrees.address(),
             bounds: input.bounds.address(),
             visits: input.visits.map_or(0, |v| v.counts.address()),
+            plans: buffers.plans.as_ref().map_or(0, Buffer::address),
             wide: buffers.nodes.address(),
             tasks: buffers.tasks.address(),
             ways: buffers.ways.address(),
@@ -531,7 +577,7 @@ mod tests {
 
     #[test]
     fn shaders_see_arguments_as_the_host_does() {
-        let push = fields!(Push: nodes, levels, subtrees, bounds, visits, wide, tasks, ways, progress,
+        let push = fields!(Push: nodes, levels, subtrees, bounds, visits, plans, wide, tasks, ways, progress,
             threshold, alpha, capacity);
         for &arity in crate::permutations::ARITIES {
             for shader in [shaders::contract_levels(arity), shaders::contract_handover(arity)] {

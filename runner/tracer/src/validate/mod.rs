@@ -65,11 +65,11 @@ pub fn bvh2(tree: &Bvh2, triangles: &[Triangle]) -> Result<(), Invalid> {
 
 /// Checks a wide tree against the collapsed binary tree it was made of: every inner node of that has one
 /// place inside one wide node, children lie where the seam promises them, runs of triangles fill the tree's
-/// triangles without gaps or overlaps.
+/// triangles without gaps or overlaps; and where the contraction `keeps_leaves`, leaves are those of the collapse.
 ///
 /// # Errors
 /// The first violation found.
-pub fn wide(wide: &WideBvh, tree: &Bvh2, subtrees: &[Subtree]) -> Result<(), Invalid> {
+pub fn wide(wide: &WideBvh, tree: &Bvh2, subtrees: &[Subtree], keeps_leaves: bool) -> Result<(), Invalid> {
     let inner = |node: u32| (node as usize).checked_sub(tree.leaves).map(|i| subtrees[i]);
     let mut reached = vec![false; wide.nodes.len()];
     let mut runs = Vec::new();
@@ -104,7 +104,8 @@ pub fn wide(wide: &WideBvh, tree: &Bvh2, subtrees: &[Subtree]) -> Result<(), Inv
         let mut first = node.first_triangle;
         for leaf in &node.leaves {
             let size = inner(leaf.node).map_or(1, |s| s.triangles);
-            require!(inner(leaf.node).is_none_or(|s| s.inner == 0), "leaf {} is none", leaf.node);
+            let is_leaf = !keeps_leaves || inner(leaf.node).is_none_or(|s| s.inner == 0);
+            require!(is_leaf && leaf.triangles <= 16, "leaf {} is none", leaf.node);
             require!(
                 leaf.triangles == size,
                 "leaf {} has {} triangles, not {size}",
@@ -116,7 +117,7 @@ pub fn wide(wide: &WideBvh, tree: &Bvh2, subtrees: &[Subtree]) -> Result<(), Inv
         }
         for (i, &child) in node.nodes.iter().enumerate() {
             require!(
-                inner(child).is_some_and(|s| s.inner > 0),
+                inner(child).is_some_and(|s| s.inner > 0 || !keeps_leaves),
                 "node {child} is a leaf, in wide node {index}"
             );
             todo.push((node.first_node + i as u32, child));
@@ -257,11 +258,11 @@ mod tests {
         let subtrees =
             collapse::cpu::collapse(&tree, 1.0, &CollapseParams { max_leaf: 2, ..Default::default() });
         let sound = contract::cpu::contract(&tree, &subtrees, 1.0, 4, &ContractParams::default(), None);
-        assert_eq!(wide(&sound, &tree, &subtrees), Ok(()));
+        assert_eq!(wide(&sound, &tree, &subtrees, true), Ok(()));
         let damage = |f: fn(&mut WideBvh)| {
             let mut damaged = sound.clone();
             f(&mut damaged);
-            wide(&damaged, &tree, &subtrees).unwrap_err().0
+            wide(&damaged, &tree, &subtrees, true).unwrap_err().0
         };
         assert!(damage(|w| w.nodes[0].triangles += 1).contains("21 triangles, not 20"));
         assert!(damage(|w| w.nodes[2].first_node = 1).contains("reached twice"));
