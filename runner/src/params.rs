@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use tracer::{
     builder::BuildParams,
     contract::{ContractParams, Contraction, Form},
-    layout::Layout,
+    layout::{Layout, LayoutParams},
     traverse::{Language, Technique},
 };
 
@@ -28,13 +28,27 @@ pub struct Params {
     /// Sample rays for variants that go by view.
     pub cbtc: tracer::path::Sampling,
     /// How nodes are stored.
-    pub layout: tracer::layout::LayoutParams,
+    pub layout: LayoutParams,
+    /// What the order of a node's children comes from, in the compressed layout.
+    pub order: Order,
     /// Traversal.
     pub trace: tracer::traverse::Params,
+    /// The schedule of the compressed layout's traversal.
+    pub groups: tracer::traverse::groups::Params,
     /// What is done differently in GLSL.
     pub glsl: Technique,
     /// What is done differently in Slang.
     pub slang: Technique,
+}
+
+/// The order in which the children of a compressed node are visited.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Order {
+    /// How children are assigned to slots: `auction`, `greedy` or `random`.
+    pub assignment: tracer::layout::compressed::Assignment,
+    /// How slots are visited: `octant`, `distance` or `random`.
+    pub traversal: tracer::traverse::groups::Order,
 }
 
 /// Contraction: a method for variants that go by area and one for those that go by view.
@@ -76,7 +90,13 @@ impl Params {
             Layout::Binary | Layout::Wide4 | Layout::Quantized4 => 2.0,
             Layout::Wide6 | Layout::Quantized6 | Layout::Quantized8 => 3.0,
             Layout::Wide8 => 4.0,
+            Layout::Compressed8 => 2.0,
         };
+        if variant.layout.is_compressed() {
+            // Ylitie et al. 2017, 3.4; where another method is chosen, leaves are no larger.
+            params.contract.by_area = Contraction::Optimal;
+            params.collapse.max_leaf = variant.layout.limits().triangles_per_leaf as u32;
+        }
         params
     }
 
@@ -99,7 +119,7 @@ impl Params {
             ploc: self.ploc.clone(),
             collapse: self.collapse.clone(),
             contract: ContractParams { method, alpha, form, c_node, c_prim, p_max },
-            layout: self.layout.clone(),
+            layout: LayoutParams { assignment: self.order.assignment, ..self.layout.clone() },
         }
     }
 
@@ -110,7 +130,8 @@ impl Params {
             Language::Glsl => self.glsl,
             Language::Slang => self.slang,
         };
-        tracer::traverse::Params { language, technique, ..self.trace.clone() }
+        let (groups, order) = (self.groups.clone(), self.order.traversal);
+        tracer::traverse::Params { language, technique, groups, order, ..self.trace.clone() }
     }
 
     /// Applies assignments such as `collapse.c_t=3`, all or none.
@@ -185,6 +206,12 @@ impl Params {
             ("trace.primary_vote", f64::from(self.trace.primary_vote), 0.0..=32.0),
             ("trace.secondary_vote", f64::from(self.trace.secondary_vote), 0.0..=32.0),
             ("trace.stack", f64::from(self.trace.stack), 1.0..=4096.0),
+            ("layout.bits", f64::from(self.layout.bits), 4.0..=8.0),
+            ("groups.n_w", f64::from(self.groups.n_w), 0.0..=1e6),
+            ("groups.n_d", f64::from(self.groups.n_d), 0.0..=32.0),
+            ("groups.n_t", f64::from(self.groups.n_t), 0.0..=32.0),
+            ("groups.r_t", f64::from(self.groups.r_t), 0.0..=1.0),
+            ("groups.shared_stack", f64::from(self.groups.shared_stack), 0.0..=16.0),
         ];
         for (name, value, range) in ranges {
             if !range.contains(&value) {

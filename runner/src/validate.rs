@@ -12,7 +12,7 @@ use anyhow::{Context, bail};
 use rayon::prelude::*;
 use std::fmt::Display;
 use tracer::{
-    builder::{Builder, Widen},
+    builder::{BuildParams, Builder, Widen},
     bvh2::Triangle,
     collapse, contract,
     gpu::Pass,
@@ -157,7 +157,7 @@ fn check(
 
     oracle.ask(triangles, &rays, arguments.brute_force);
 
-    let contracted = params.build(variant).contract;
+    let BuildParams { contract: contracted, layout: stored_as, .. } = params.build(variant);
     let widen = Widen::new(gpu, &params.build(variant), variant.layout)?;
     let wide = widen.workspace(count)?;
     let visits = contract::VisitCounter::new(gpu, count)?;
@@ -203,9 +203,9 @@ fn check(
         )?;
         let found = with_layout!(variant.layout, L => {
             let stored = wide.read_nodes::<L>(summary.nodes as usize)?;
-            let leaves: Vec<LeafTriangle> = wide.triangles.read(0, count)?;
+            let leaves: Vec<LeafTriangle> = wide.stored.triangles.read(0, count)?;
             let same = {
-                let (nodes, order) = layout::cpu::encode::<L>(&made, &tree, triangles);
+                let (nodes, order) = layout::cpu::encode::<L>(&made, &tree, triangles, &stored_as);
                 bytemuck::cast_slice::<_, u8>(&nodes) == bytemuck::cast_slice::<_, u8>(&stored)
                     && order == leaves
             };

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use tracer::layout::Layout;
 use tracer::traverse::Language::{self, Glsl, Slang};
 
-/// A variant; its name follows the thesis: `<Arity> [Slang] [Quantized] [CBTC]`.
+/// A variant; its name follows the thesis: `<Arity> [Slang] [Quantized] [CBTC]`, or `Wide8 Compressed`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Variant {
     /// How nodes are stored, and how many children they have.
@@ -46,14 +46,15 @@ impl Variant {
             wide(Layout::Wide6, Layout::Quantized6),
             wide(Layout::Wide8, Layout::Quantized8),
         ];
-        const ALL: [Variant; 26] = {
-            let mut all = [Variant::BINARY; 26];
+        const ALL: [Variant; 27] = {
+            let mut all = [Variant::BINARY; 27];
             all[1] = of(Layout::Binary, Slang, false);
             let mut at = 0;
             while at < 24 {
                 all[2 + at] = WIDE[at / 8][at % 8];
                 at += 1;
             }
+            all[26] = of(Layout::Compressed8, Glsl, false);
             all
         };
         &ALL
@@ -61,7 +62,7 @@ impl Variant {
 
     /// As the thesis writes it: arity, language unless GLSL, `Quantized`, and `CBTC` where it goes by view.
     pub fn name(self) -> &'static str {
-        // Names are asked for all the time, and there are 28 of them.
+        // Names are asked for all the time, and there are few of them.
         static NAMES: LazyLock<HashMap<Variant, String>> = LazyLock::new(|| {
             let all = Layout::ALL.iter().flat_map(|&layout| {
                 Language::ALL.map(|language| [false, true].map(|by_view| of(layout, language, by_view)))
@@ -76,11 +77,12 @@ impl Variant {
             Layout::Binary => "Binary",
             Layout::Wide4 | Layout::Quantized4 => "Wide4",
             Layout::Wide6 | Layout::Quantized6 => "Wide6",
-            Layout::Wide8 | Layout::Quantized8 => "Wide8",
+            Layout::Wide8 | Layout::Quantized8 | Layout::Compressed8 => "Wide8",
         };
         let words = [
             ("Slang", self.language == Slang),
             ("Quantized", self.layout.is_quantized()),
+            ("Compressed", self.layout.is_compressed()),
             ("CBTC", self.by_view),
         ];
         let words = words.iter().filter(|(_, holds)| *holds).map(|(word, _)| *word);
@@ -204,11 +206,11 @@ mod tests {
         let built: Vec<_> = Variant::ALL.iter().filter(|v| v.missing().is_none()).copied().collect();
         assert_eq!(all, built);
         let glsl = Variant::select(&["all".into(), "!* Slang *".into()]).unwrap();
-        assert_eq!(glsl.len(), 13);
+        assert_eq!(glsl.len(), 14);
         assert!(glsl.iter().all(|variant| variant.language == Glsl));
         assert!(Variant::select(&["Wide4".into(), "!Wide*".into()]).is_err());
         let languages = if Slang.missing().is_none() { 2 } else { 1 };
-        assert_eq!(Variant::select(&["Wide*".into()]).unwrap().len(), 12 * languages);
+        assert_eq!(Variant::select(&["Wide*".into()]).unwrap().len(), 12 * languages + 1);
         assert_eq!(Variant::select(&["wide6*cbtc".into()]).unwrap().len(), 2 * languages);
         match Variant::select(&["* Slang *".into()]) {
             Ok(chosen) => assert_eq!(chosen.len(), 13),
@@ -226,7 +228,7 @@ mod tests {
         let mut names: Vec<_> = Variant::ALL.iter().map(|v| v.name()).collect();
         names.sort_unstable();
         names.dedup();
-        assert_eq!(names.len(), 26);
+        assert_eq!(names.len(), 27);
     }
 
     #[test]
@@ -236,6 +238,7 @@ mod tests {
             ["Binary", "Binary Slang", "Wide4", "Wide4 CBTC", "Wide4 Quantized", "Wide4 Quantized CBTC"];
         assert_eq!(names, first);
         assert_eq!(Variant::ALL[25].name(), "Wide8 Slang Quantized CBTC");
+        assert_eq!(Variant::ALL[26].name(), "Wide8 Compressed");
         assert_eq!(of(Layout::Binary, Slang, true).name(), "Binary Slang CBTC");
     }
 }

@@ -114,8 +114,8 @@ fn slang(
     let function = format!("{}_slang", stem.replace('/', "_"));
     for layout in Layout::ALL {
         let Some(slangc) = slangc else { break };
+        let Some((folder, node)) = layout.slang() else { continue };
         let file = format!("{function}_{}", layout.symbol());
-        let (folder, node) = layout.slang();
         // Link-time specialisation: this module says which type the kernel's `extern` one is.
         let specialization = out.join(&file).with_extension("slang");
         let text = format!(
@@ -159,9 +159,7 @@ fn slang(
         arms += &format!("        Layout::{layout:?} => Some(&{symbol}),\n");
         symbols.push(format!("&{symbol}"));
     }
-    if slangc.is_none() {
-        arms += "        _ => None,\n";
-    }
+    arms += "        _ => None,\n";
     module += &format!(
         "/// `src/{stem}.slang` for a layout, if this build has it.\npub fn {function}(layout: Layout) -> Option<&'static Shader> {{\n    match layout {{\n{arms}    }}\n}}\n"
     );

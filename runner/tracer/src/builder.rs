@@ -11,13 +11,16 @@
 use crate::{
     bvh2::{Bvh2, Bvh2Buffers, LevelsHeader, MAX_LEVELS, MAX_TRIANGLES},
     collapse::{Collapse, CollapseParams, Subtree},
-    contract::{self, Contract, ContractParams, Form, Progress, VisitCounter, Visits, WideBuffers, WideBvh},
+    contract::{
+        self, Contract, ContractParams, Contraction, Form, Progress, VisitCounter, Visits, WideBuffers,
+        WideBvh,
+    },
     gpu::{Buffer, Error, Gpu, Pass, Timings},
-    layout::{self, Encode, Layout, LayoutParams, LeafTriangle, NodeLayout},
+    layout::{self, Encode, Layout, LayoutBuffers, LayoutParams, NodeLayout},
     morton::{BOUNDS_BYTES, Morton, MortonParams, SceneBounds},
     ploc::{Ploc, PlocBuffers, PlocParams},
     sort::{Sort, SortBuffers},
-    traverse::Tree,
+    traverse::{Tree, groups::STACK_PER_NODE},
 };
 use serde::{Deserialize, Serialize};
 use std::{cell::Cell, ops::Range};
@@ -47,6 +50,20 @@ pub enum BuildError {
     /// There are more than child indices can count.
     #[error("the scene has {0} triangles, and nodes can count {MAX_TRIANGLES}; use a smaller scene")]
     TooMany(usize),
+    /// Leaves may have more triangles than nodes of the layout can say.
+    #[error(
+        "leaves of up to {most} triangles, and nodes of {layout:?} can say {limit}: set {parameter}={limit} or less"
+    )]
+    LeavesTooLarge {
+        /// The layout.
+        layout: Layout,
+        /// The parameter that allows it.
+        parameter: &'static str,
+        /// What it allows.
+        most: u32,
+        /// What can be said.
+        limit: usize,
+    },
     /// The device or its driver failed, or there is too little memory.
     #[error(transparent)]
     Gpu(#[from] Error),
@@ -130,10 +147,8 @@ pub struct WideWorkspace {
     wide: WideBuffers,
     layout: Layout,
     stride: usize,
-    /// In the layout, a stride apart; `Summary` says how many.
-    pub nodes: Buffer,
-    /// Of [`LeafTriangle`], as many as there are triangles.
-    pub triangles: Buffer,
+    /// The tree in its layout; `Summary` says how many nodes.
+    pub stored: LayoutBuffers,
 }
 
 /// A tree in numbers that a build leaves for the host to read.
@@ -208,12 +223,12 @@ impl Builder {
     /// Compiles the kernels.
     ///
     /// # Errors
-    /// The driver's compiler failed.
+    /// The driver's compiler failed, or leaves would be too large for the layout.
     ///
     /// # Panics
     /// A parameter is out of its documented range, or the contraction goes by view: there have to be visits
     /// first, see [`Widen`].
-    pub fn new(gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Self, Error> {
+    pub fn new(gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Self, BuildError> {
         assert!(!params.contract.method.by_view(), "{} needs a tree and visits", params.contract.method);
         Ok(Self {
             gpu: gpu.clone(),
@@ -370,8 +385,16 @@ impl Widen {
     /// Compiles the kernels for a layout and what `params` say of contraction and layout.
     ///
     /// # Errors
-    /// The driver's compiler failed.
-    pub fn new(gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Self, Error> {
+    /// The driver's compiler failed, or leaves would be too large for the layout.
+    pub fn new(gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Self, BuildError> {
+        let (parameter, most) = match params.contract.method {
+            Contraction::Optimal => ("contract.p_max", params.contract.p_max),
+            _ => ("collapse.max_leaf", params.collapse.max_leaf),
+        };
+        let limit = layout.limits().triangles_per_leaf;
+        if most as usize > limit {
+            return Err(BuildError::LeavesTooLarge { layout, parameter, most, limit });
+        }
         Ok(Self {
             gpu: gpu.clone(),
             contract: Contract::new(gpu, layout.arity(), &params.contract)?,
@@ -390,17 +413,13 @@ impl Widen {
     /// Too little memory.
     pub fn workspace(&self, capacity: usize) -> Result<WideWorkspace, Error> {
         let wide = self.contract.buffers(&self.gpu, capacity)?;
-        let bytes = (self.encode.stride() * wide.capacity()) as u64;
         Ok(WideWorkspace {
             capacity,
             levels: Cell::new(0),
-            wide,
             layout: self.encode.layout(),
             stride: self.encode.stride(),
-            nodes: self.gpu.buffer("nodes", bytes)?,
-            triangles: self
-                .gpu
-                .buffer("triangles in leaf order", (size_of::<LeafTriangle>() * capacity) as u64)?,
+            stored: self.encode.buffers(&self.gpu, wide.capacity(), capacity)?,
+            wide,
         })
     }
 
@@ -466,7 +485,7 @@ impl Widen {
         pass.scope("layout", |pass| {
             let Input { triangles, count } = input;
             let made = layout::Input { tree: &from.tree, wide: &to.wide, triangles, count };
-            self.encode.record(pass, &made, &to.nodes, &to.triangles);
+            self.encode.record(pass, &made, &to.stored);
         });
     }
 
@@ -505,11 +524,11 @@ impl WideWorkspace {
     /// coordinate.
     pub fn tree(&self, summary: &Summary, extent: f32) -> Tree {
         Tree {
-            nodes: self.nodes.address(),
-            triangles: self.triangles.address(),
+            nodes: self.stored.nodes.address(),
+            triangles: self.stored.triangles.address(),
             layout: self.layout,
             stride: self.stride,
-            stack: summary.stack,
+            stack: if self.layout.is_compressed() { STACK_PER_NODE * summary.depth } else { summary.stack },
             extent,
         }
     }
@@ -524,7 +543,7 @@ impl WideWorkspace {
     pub fn read_nodes<L: NodeLayout>(&self, count: usize) -> Result<Vec<L::Node>, Error> {
         let size = size_of::<L::Node>();
         assert_eq!(size, self.layout.node_bytes(), "{} nodes in a tree of {:?}", L::NAME, self.layout);
-        let bytes: Vec<u8> = self.nodes.read(0, count * self.stride)?;
+        let bytes: Vec<u8> = self.stored.nodes.read(0, count * self.stride)?;
         Ok(bytes.chunks_exact(self.stride).map(|b| bytemuck::pod_read_unaligned(&b[..size])).collect())
     }
 

@@ -29,9 +29,25 @@ pub enum Error {
     },
     /// A workgroup's barrier with a schedule that has no place for it.
     #[error(
-        "a barrier between nodes and triangles is for schedules in phases: set trace.primary_vote=0 and trace.secondary_vote=0"
+        "a barrier between nodes and triangles is for schedules in phases, which the compressed layout has none of: set \
+         trace.primary_vote=0 and trace.secondary_vote=0, or leave the barrier out"
     )]
     BarrierByVote,
+    /// The traversal stack's shared part is too large.
+    #[error(
+        "{entries} entries of the stack for each of {size} invocations are {bytes} bytes of shared memory, and a workgroup \
+         has {limit}: set groups.shared_stack, trace.primary_subgroups or trace.secondary_subgroups lower"
+    )]
+    SharedStack {
+        /// Invocations a workgroup.
+        size: u32,
+        /// Entries of each.
+        entries: u32,
+        /// What they take.
+        bytes: u32,
+        /// What there is.
+        limit: u32,
+    },
     /// The single kernel is asked for what only separate kernels have.
     #[error("a single kernel there is in GLSL only, and without a barrier: set trace.kernels=separate")]
     NoSingleKernel,

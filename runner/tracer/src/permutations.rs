@@ -22,6 +22,8 @@ pub enum Layout {
     Quantized6,
     /// Up to eight children, 76 bytes.
     Quantized8,
+    /// Up to eight children, 80 bytes (Ylitie et al. 2017).
+    Compressed8,
 }
 
 impl Layout {
@@ -34,6 +36,7 @@ impl Layout {
         Self::Quantized4,
         Self::Quantized6,
         Self::Quantized8,
+        Self::Compressed8,
     ];
 
     /// Most children of a node.
@@ -42,7 +45,7 @@ impl Layout {
             Self::Binary => 2,
             Self::Wide4 | Self::Quantized4 => 4,
             Self::Wide6 | Self::Quantized6 => 6,
-            Self::Wide8 | Self::Quantized8 => 8,
+            Self::Wide8 | Self::Quantized8 | Self::Compressed8 => 8,
         }
     }
 
@@ -56,6 +59,7 @@ impl Layout {
             Self::Quantized4 => "quantized4",
             Self::Quantized6 => "quantized6",
             Self::Quantized8 => "quantized8",
+            Self::Compressed8 => "compressed8",
         }
     }
 
@@ -65,20 +69,23 @@ impl Layout {
             Self::Binary => "LAYOUT_BINARY",
             Self::Wide4 | Self::Wide6 | Self::Wide8 => "LAYOUT_WIDE",
             Self::Quantized4 | Self::Quantized6 | Self::Quantized8 => "LAYOUT_QUANTIZED",
+            Self::Compressed8 => "LAYOUT_COMPRESSED",
         }
     }
 }
 
 impl Layout {
-    /// The folder under `layout/` with the Slang module of its node, and the type there.
-    pub fn slang(self) -> (&'static str, String) {
+    /// The folder under `layout/` with the Slang module of its node, and the type there; none of a layout that is
+    /// traced in GLSL only.
+    pub fn slang(self) -> Option<(&'static str, String)> {
         let arity = self.arity();
         match self {
-            Self::Binary => ("binary", "Binary".into()),
-            Self::Wide4 | Self::Wide6 | Self::Wide8 => ("wide", format!("Wide<{arity}>")),
+            Self::Binary => Some(("binary", "Binary".into())),
+            Self::Wide4 | Self::Wide6 | Self::Wide8 => Some(("wide", format!("Wide<{arity}>"))),
             Self::Quantized4 | Self::Quantized6 | Self::Quantized8 => {
-                ("quantized", format!("Quantized<{arity}>"))
+                Some(("quantized", format!("Quantized<{arity}>")))
             }
+            Self::Compressed8 => None,
         }
     }
 }

@@ -3,13 +3,13 @@
 mod support;
 
 use std::sync::OnceLock;
-use support::{Random, assert_silent, awkward, builder_of, gpu, scattered, terrain};
+use support::{Random, assert_silent, awkward, builder_of, gpu, on_any_tree, scattered, terrain};
 use tracer::{
     builder::{BuildError, BuildParams, BuildReport, BuildWorkspace, Builder, WideWorkspace, Widen},
     bvh2::{Bvh2, Triangle},
     collapse::{self, CollapseParams, Subtree},
     contract::{self, ContractParams, Contraction, Form, Visits, WideBvh},
-    layout::{self, Layout, LayoutParams, LeafTriangle, NodeLayout, binary::Binary},
+    layout::{self, Layout, LayoutParams, LeafTriangle, NodeLayout, binary::Binary, compressed::Assignment},
     measure::tree::stats,
     morton::{self, MortonParams},
     ploc::{self, PlocParams},
@@ -46,10 +46,11 @@ impl<'a> Collapsed<'a> {
         &self,
         to: &WideWorkspace,
         report: &BuildReport,
-        params: &ContractParams,
+        params: &BuildParams,
         visits: Option<contract::cpu::Visits<'_>>,
         what: &str,
     ) -> WideBvh {
+        let BuildParams { contract: params, layout: stored, .. } = params;
         let layout = to.tree(&report.summary, 0.0).layout;
         let what = format!("{what}, {layout:?}");
         let wide = to.read_wide(report.summary.nodes as usize).unwrap();
@@ -64,7 +65,7 @@ impl<'a> Collapsed<'a> {
         assert!(canonical == twin, "{what}: the wide tree differs from the twin's");
         let found = (report.summary.depth, report.summary.stack);
         assert_eq!(found, wide.depth_and_stack(), "{what}: depth and stack");
-        with_layout!(layout, L => self.check_nodes::<L>(to, &wide, report, &what));
+        with_layout!(layout, L => self.check_nodes::<L>(to, &wide, report, stored, &what));
         canonical
     }
 
@@ -75,11 +76,12 @@ impl<'a> Collapsed<'a> {
         to: &WideWorkspace,
         wide: &WideBvh,
         report: &BuildReport,
+        params: &LayoutParams,
         what: &str,
     ) {
         let nodes = to.read_nodes::<L>(wide.nodes.len()).unwrap();
-        let leaves: Vec<LeafTriangle> = to.triangles.read(0, self.triangles.len()).unwrap();
-        let (twin_nodes, twin_leaves) = layout::cpu::encode::<L>(wide, &self.tree, self.triangles);
+        let leaves: Vec<LeafTriangle> = to.stored.triangles.read(0, self.triangles.len()).unwrap();
+        let (twin_nodes, twin_leaves) = layout::cpu::encode::<L>(wide, &self.tree, self.triangles, params);
         for (i, (node, twin)) in nodes.iter().zip(&twin_nodes).enumerate() {
             // As words, because zeros of either sign and what is no number would pass for each other.
             let words = |n: &L::Node| bytemuck::cast_slice::<L::Node, u32>(&[*n]).to_vec();
@@ -111,7 +113,7 @@ fn check(builder: &Builder, workspace: &BuildWorkspace, triangles: &[Triangle], 
     assert!(read.tree.nodes == expected.nodes, "{what}: nodes differ from the twin's");
     let subtrees = collapse::cpu::collapse(&read.tree, bounds.scale(), &params.collapse);
     assert!(read.subtrees == subtrees, "{what}: subtrees differ from the twin's");
-    read.check(&workspace.wide, &report, &params.contract, None, what);
+    read.check(&workspace.wide, &report, params, None, what);
 
     let layout = workspace.wide.tree(&report.summary, 0.0).layout;
     if let (Layout::Binary, Some(root)) = (layout, subtrees.last()) {
@@ -128,23 +130,31 @@ fn check(builder: &Builder, workspace: &BuildWorkspace, triangles: &[Triangle], 
 }
 
 /// Kernels that make nodes of a tree that there is already.
-fn widen(layout: Layout, contract: &ContractParams, align: u32) -> Widen {
-    let params =
-        BuildParams { contract: contract.clone(), layout: LayoutParams { align }, ..BuildParams::default() };
-    Widen::new(gpu(), &params, layout).unwrap()
+fn widen(layout: Layout, params: &BuildParams) -> Widen {
+    Widen::new(gpu(), params, layout).unwrap()
+}
+
+fn contracted(contract: ContractParams) -> BuildParams {
+    BuildParams { contract, ..Default::default() }
 }
 
 /// Stores the tree that was last built in every layout that builders of Binary do not make.
 fn check_other_layouts(from: &BuildWorkspace, triangles: &[Triangle], what: &str) {
-    static OTHERS: OnceLock<Vec<Widen>> = OnceLock::new();
-    let usual = ContractParams::default();
-    let others = OTHERS.get_or_init(|| Layout::ALL[1..].iter().map(|&l| widen(l, &usual, 4)).collect());
+    static OTHERS: OnceLock<Vec<(BuildParams, Widen)>> = OnceLock::new();
+    let others = OTHERS.get_or_init(|| {
+        let of = |&layout: &Layout| {
+            let params = on_any_tree(layout);
+            let widen = widen(layout, &params);
+            (params, widen)
+        };
+        Layout::ALL[1..].iter().map(of).collect()
+    });
     let read = Collapsed::read(from, triangles);
     let buffer = gpu().upload("triangles", triangles).unwrap();
-    for other in others {
+    for (params, other) in others {
         let to = other.workspace(triangles.len()).unwrap();
         let report = other.build(from, &to, &buffer, triangles.len(), None).unwrap();
-        read.check(&to, &report, &usual, None, what);
+        read.check(&to, &report, params, None, what);
     }
 }
 
@@ -222,7 +232,7 @@ fn leaf_sizes_and_costs_are_obeyed() {
         let workspace = builder.workspace(3000).unwrap();
         let report = builder.build(&workspace, &buffer, 3000, false).unwrap();
         let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();
-        let leaves: Vec<LeafTriangle> = workspace.wide.triangles.read(0, 3000).unwrap();
+        let leaves: Vec<LeafTriangle> = workspace.wide.stored.triangles.read(0, 3000).unwrap();
         validate::layout::<Binary>(&nodes, &leaves, &triangles).unwrap();
         let s = stats::<Binary>(&nodes, 56, &params.collapse);
         let largest = s.triangles_histogram.iter().rposition(|&c| c > 0).unwrap();
@@ -288,7 +298,7 @@ fn a_million_triangles_in_one_plane_make_a_tree() {
     let workspace = builder.workspace(n).unwrap();
     let report = builder.build(&workspace, &buffer, n, false).unwrap();
     let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();
-    let leaves: Vec<LeafTriangle> = workspace.wide.triangles.read(0, n).unwrap();
+    let leaves: Vec<LeafTriangle> = workspace.wide.stored.triangles.read(0, n).unwrap();
     let depth = validate::layout::<Binary>(&nodes, &leaves, &triangles);
     assert_eq!(depth, Ok(report.summary.depth as usize));
     assert_silent();
@@ -354,16 +364,18 @@ fn both_forms_of_contraction_make_the_same_tree() {
     let threshold = 20;
     for layout in BY_ARITY {
         for &method in Contraction::ALL {
-            let params = |form| ContractParams { method, alpha: 0.3, form, p_max: 4, ..Default::default() };
+            let params = |form| {
+                contracted(ContractParams { method, alpha: 0.3, form, p_max: 4, ..Default::default() })
+            };
             let forms =
-                [Form::Levels, Form::Handover].map(|form| (params(form), widen(layout, &params(form), 4)));
+                [Form::Levels, Form::Handover].map(|form| (params(form), widen(layout, &params(form))));
             assert_eq!(forms.each_ref().map(|(_, w)| w.form()), [Form::Levels, Form::Handover]);
             for (what, workspace, buffer, read, counts, visits) in &built {
                 let n = read.tree.leaves;
                 let on_device = method.by_view().then_some(Visits { counts: visits, threshold });
                 let on_host = method.by_view().then_some(contract::cpu::Visits { counts, threshold });
                 let trees = forms.each_ref().map(|(params, widen)| {
-                    let what = format!("{what}, {method}, {:?}", params.form);
+                    let what = format!("{what}, {method}, {:?}", params.contract.form);
                     let to = widen.workspace(n).unwrap();
                     let report = widen.build(workspace, &to, buffer, n, on_device).unwrap();
                     read.check(&to, &report, params, on_host, &what)
@@ -395,8 +407,8 @@ fn contractions_that_do_not_fill_obey_alpha() {
         for method in [Contraction::Satc, Contraction::Rdtc] {
             let mut means = Vec::new();
             for alpha in [0.0, 0.4, 0.7, 1.0, f32::INFINITY] {
-                let params = ContractParams { method, alpha, ..Default::default() };
-                let widen = widen(layout, &params, 4);
+                let params = contracted(ContractParams { method, alpha, ..Default::default() });
+                let widen = widen(layout, &params);
                 let to = widen.workspace(n).unwrap();
                 let what = format!("{method}, alpha {alpha}");
                 let report = widen.build(&workspace, &to, &buffer, n, visits).unwrap();
@@ -437,9 +449,9 @@ fn kernels_for_wide_trees_serve_scenes_of_more_or_fewer_levels_than_the_last() {
     let few = scattered(2, 1.0, 1.0);
     let scenes = [&identical, &nest, &few, &nest, &nest, &identical];
     let built = scenes.map(|triangles| build(triangles));
-    let params = ContractParams::default();
+    let params = BuildParams::default();
     for layout in BY_ARITY {
-        let widen = widen(layout, &params, 4);
+        let widen = widen(layout, &params);
         let to = widen.workspace(n).unwrap();
         let depths: Vec<u32> = scenes
             .iter()
@@ -470,14 +482,15 @@ fn nodes_may_lie_further_apart_than_they_are_long() {
     let buffer = gpu().upload("triangles", &triangles).unwrap();
     builder.build(&workspace, &buffer, n, false).unwrap();
     let read = Collapsed::read(&workspace, &triangles);
-    let usual = ContractParams::default();
     for &layout in Layout::ALL {
         for align in [4, 8, 16] {
-            let widen = widen(layout, &usual, align);
+            let stored = LayoutParams { align, ..Default::default() };
+            let params = BuildParams { layout: stored, ..on_any_tree(layout) };
+            let widen = widen(layout, &params);
             let to = widen.workspace(n).unwrap();
             let report = widen.build(&workspace, &to, &buffer, n, None).unwrap();
             let what = format!("aligned to {align}");
-            read.check(&to, &report, &usual, None, &what);
+            read.check(&to, &report, &params, None, &what);
             let stride = to.tree(&report.summary, 0.0).stride;
             assert_eq!(stride, layout.node_bytes().next_multiple_of(align as usize), "{what}, {layout:?}");
         }
@@ -524,4 +537,45 @@ fn coordinates_of_every_magnitude_are_encoded_as_the_twin_does() {
         check_other_layouts(&workspace, triangles, what);
     }
     assert_silent();
+}
+
+#[test]
+fn compressed_nodes_have_slots_by_each_assignment_and_planes_of_any_precision() {
+    let builder = builder_of(Layout::Binary);
+    let scenes: Vec<_> = [1, 2, 9, 700]
+        .into_iter()
+        .map(|n| (format!("{n} scattered"), scattered(n, 10.0, 1.0)))
+        .chain(awkward(300).into_iter().map(|(what, triangles)| (what.to_owned(), triangles)))
+        .collect();
+    let built: Vec<_> = scenes
+        .iter()
+        .map(|(what, triangles)| {
+            let workspace = builder.workspace(triangles.len()).unwrap();
+            let buffer = gpu().upload("triangles", triangles).unwrap();
+            builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
+            (what, Collapsed::read(&workspace, triangles), workspace, buffer)
+        })
+        .collect();
+    for &assignment in Assignment::ALL {
+        for bits in if assignment == Assignment::Auction { 4..=8 } else { 8..=8 } {
+            let stored = LayoutParams { bits, assignment, ..Default::default() };
+            let params = BuildParams { layout: stored, ..on_any_tree(Layout::Compressed8) };
+            let widen = widen(Layout::Compressed8, &params);
+            for (what, read, workspace, buffer) in &built {
+                let to = widen.workspace(read.tree.leaves).unwrap();
+                let report = widen.build(workspace, &to, buffer, read.tree.leaves, None).unwrap();
+                read.check(&to, &report, &params, None, &format!("{what}, {assignment:?}, {bits} bits"));
+            }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn leaves_too_large_for_a_layout_are_refused_with_the_parameter() {
+    let error =
+        |params: &BuildParams| Builder::new(gpu(), params, Layout::Compressed8).unwrap_err().to_string();
+    assert!(error(&BuildParams::default()).contains("collapse.max_leaf=3"));
+    let contract = ContractParams { p_max: 4, ..on_any_tree(Layout::Compressed8).contract };
+    assert!(error(&contracted(contract)).contains("contract.p_max=3"));
 }

@@ -238,7 +238,7 @@ fn a_picture_depends_on_its_seed_and_on_nothing_else() {
         primary_fetch_below: 1.0,
         primary_vote: 1.0,
         secondary_vote: 0.0,
-        ..usual
+        ..usual.clone()
     };
     let (launched, _) = render(&room, &room.views[0], &eight, &other_launch, 2);
     // Where a ray meets an edge, the order in which triangles are tested decides between its sides.

@@ -4,8 +4,8 @@ mod support;
 
 use rayon::prelude::*;
 use support::{
-    Planted, Random, assert_silent, awkward, builder, builder_of, gpu, icosphere, languages, mesh, plant,
-    scattered, traversal, traversal_in,
+    Planted, Random, assert_silent, awkward, builder, builder_of, gpu, icosphere, languages_of, mesh, plant,
+    scattered, traversal, traversal_in, usual,
 };
 use tracer::{
     Error,
@@ -13,9 +13,10 @@ use tracer::{
     bvh2::Triangle,
     collapse::CollapseParams,
     gpu::Pass,
-    layout::{Layout, LayoutParams},
+    layout::{Layout, LayoutParams, LeafTriangle, compressed::Compressed8},
     traverse::{
         Buffers, Counting, Counts, Hit, Language, Params, Queue, Ray, Technique, Traversal, Wave, cpu,
+        groups::{self, Fetch, Order},
     },
 };
 
@@ -176,7 +177,7 @@ fn check_layout(
     let extent = planted.tree.extent;
     let kernels = traversal(&planted.tree, Counting::Rays);
     let (hits, counts) = trace(kernels, Counting::Rays, Wave::Secondary, planted, rays);
-    for &language in languages().iter().filter(|language| **language != Language::Glsl) {
+    for language in languages_of(layout).filter(|language| *language != Language::Glsl) {
         let (its_hits, its_counts) = trace(
             traversal_in(language, &planted.tree, Counting::Rays),
             Counting::Rays,
@@ -328,7 +329,7 @@ fn scheduling_changes_no_distance() {
                 stack,
                 ..Params::default()
             };
-            let build = BuildParams { layout: LayoutParams { align }, ..BuildParams::default() };
+            let build = BuildParams { layout: LayoutParams { align, ..Default::default() }, ..usual(layout) };
             // The distance to the next node decides how many bytes are loaded at a time. Many nodes are
             // multiples of 8 or 16 bytes anyway; the one layout shows what scheduling alone does.
             if layout != Layout::Binary && layout.stride(&build.layout) == stride {
@@ -367,8 +368,7 @@ fn languages_and_techniques_change_no_distance() {
         let planted = plant(builder_of(layout), &triangles);
         let (want, _) =
             trace(traversal(&planted.tree, Counting::Rays), Counting::Rays, Wave::Primary, &planted, &rays);
-        for (&language, (barrier, hoist, subgroups)) in languages()
-            .iter()
+        for (language, (barrier, hoist, subgroups)) in languages_of(layout)
             .flat_map(|l| [(true, false, 4), (true, true, 1), (false, true, 3)].map(|t| (l, t)))
         {
             let params = Params {
@@ -390,6 +390,61 @@ fn languages_and_techniques_change_no_distance() {
             }
         }
     }
+    assert_silent();
+}
+
+/// The traversal in groups, however it is scheduled and in whichever order children are visited.
+#[test]
+fn schedules_and_orders_of_groups_change_no_distance() {
+    let triangles = scattered(3000, 10.0, 1.0);
+    let rays = awkward_rays(&triangles, 6_000);
+    let planted = plant(builder_of(Layout::Compressed8), &triangles);
+    let count = planted.summary.nodes as usize;
+    let nodes = planted.workspace.wide.read_nodes::<Compressed8>(count).unwrap();
+    let leaves: Vec<LeafTriangle> = planted.workspace.wide.stored.triangles.read(0, triangles.len()).unwrap();
+    let brute: Vec<Hit> = rays.par_iter().map(|ray| cpu::brute_force(&triangles, ray)).collect();
+    let mut visited = Vec::new();
+    for &order in Order::ALL {
+        let twin = |ray: &Ray| groups::cpu::closest_hit(&nodes, &leaves, planted.tree.extent, order, ray);
+        let twins: Vec<_> = rays.par_iter().map(twin).collect();
+        let lost = groups::Params::default();
+        let inactive = groups::Params { fetch: Fetch::Inactive, ..groups::Params::default() };
+        for (groups, subgroups) in [
+            (groups::Params { r_t: 0.0, ..lost }, 8),
+            (groups::Params { n_w: 0, n_d: 0, shared_stack: 0, ..lost }, 1),
+            (groups::Params { n_w: 64, r_t: 1.0, shared_stack: 16, ..lost }, 4),
+            (groups::Params { n_t: 0, shared_stack: 1, ..inactive }, 2),
+            (groups::Params { n_t: 32, r_t: 0.5, shared_stack: 2, ..inactive }, 3),
+        ] {
+            let params = Params {
+                primary_subgroups: subgroups,
+                secondary_subgroups: subgroups,
+                stack: 1,
+                order,
+                groups: groups.clone(),
+                ..Params::default()
+            };
+            let traversal = Traversal::new(gpu(), &params, &planted.tree, Counting::Rays).unwrap();
+            let (hits, counts) = trace(&traversal, Counting::Rays, Wave::Secondary, &planted, &rays);
+            let what = format!("{order:?}, {groups:?}");
+            for ((ray, hit), want) in rays.iter().zip(&hits).zip(&brute) {
+                assert!(agree(hit.t, want.t, ray, 10.0), "{what}: {ray:?}: {hit:?}, not {want:?}");
+            }
+            if groups.r_t == 0.0 {
+                // Nothing is put off, so each ray takes the way of the twin, but where a box is just touched.
+                let same = counts.iter().zip(&twins).filter(|(own, (_, its))| *own == its).count();
+                assert!(same * 1000 >= rays.len() * 999, "{what}: {same} of {} as the twin", rays.len());
+                visited.push(counts.iter().map(|c| u64::from(c.nodes)).sum::<u64>());
+            }
+        }
+    }
+    // Octants come close to distances, and chance does not.
+    let [octant, distance, random] = visited[..] else { panic!("three orders") };
+    assert!(distance <= octant && 20 * octant < 23 * distance && 20 * random > 21 * octant, "{visited:?}");
+    let too_much = groups::Params { shared_stack: 16, ..groups::Params::default() };
+    let params = Params { groups: too_much, primary_subgroups: 1 << 20, ..Params::default() };
+    let error = Traversal::new(gpu(), &params, &planted.tree, Counting::Nothing).unwrap_err().to_string();
+    assert!(error.contains("groups.shared_stack"), "{error}");
     assert_silent();
 }
 
@@ -489,7 +544,9 @@ fn a_tree_deeper_than_the_stack_gets_a_larger_one() {
             let levels = 100 / (layout.arity() as u32 - 1);
             assert!(planted.summary.depth > levels, "{what}: only {} levels", planted.summary.depth);
             let kernels = traversal(tree, Counting::Rays);
-            assert!(tree.stack > 100 && kernels.stack() >= tree.stack, "{what}: {tree:?}");
+            // Of groups, two for each.
+            let least = if layout.is_compressed() { 2 * levels } else { 100 };
+            assert!(tree.stack > least && kernels.stack() >= tree.stack, "{what}: {tree:?}");
             for wave in [Wave::Primary, Wave::Secondary] {
                 let (hits, counts) = trace(kernels, Counting::Rays, wave, &planted, &rays);
                 for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {

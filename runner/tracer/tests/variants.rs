@@ -4,9 +4,9 @@
 mod support;
 
 use std::{env, path::PathBuf};
-use support::{assert_silent, builder, gpu, traversal};
+use support::{assert_silent, builder, gpu, on_any_tree, traversal};
 use tracer::{
-    builder::{BuildParams, Widen},
+    builder::Widen,
     gpu::Pass,
     layout::Layout,
     path::{Camera, DeviceScene, Params, PathTracer},
@@ -48,7 +48,7 @@ fn every_layout_gives_the_same_distances_in_every_scene() {
     let shared = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/scenes");
     let search = SearchPath::new([shared]);
     let all = env::var_os(ALL_SCENES).is_some();
-    let others = Layout::ALL[1..].iter().map(|&l| Widen::new(gpu(), &BuildParams::default(), l).unwrap());
+    let others = Layout::ALL[1..].iter().map(|&l| Widen::new(gpu(), &on_any_tree(l), l).unwrap());
     let others: Vec<Widen> = others.collect();
     let mut compared = 0;
     for name in built_in().iter().map(|b| b.name) {

@@ -240,11 +240,10 @@ fn every_shader_is_in_the_list_once() {
             let stem = source.strip_prefix(&root).unwrap().with_extension("");
             let stem = stem.to_str().unwrap().to_owned();
             if PER_LAYOUT.contains(&&*stem) {
-                let of = |ending: &str| -> Vec<String> {
-                    Layout::ALL.iter().map(|l| format!("{stem}/{}{ending}", l.symbol())).collect()
-                };
+                let glsl = Layout::ALL.iter().map(|l| format!("{stem}/{}", l.symbol()));
                 let in_slang = IN_SLANG.contains(&&*stem) && shaders::SLANG_MISSING.is_none();
-                [of(""), if in_slang { of("/slang") } else { Vec::new() }].concat()
+                let slang = Layout::ALL.iter().filter(|l| in_slang && l.slang().is_some());
+                glsl.chain(slang.map(|l| format!("{stem}/{}/slang", l.symbol()))).collect()
             } else if PER_ARITY.contains(&&*stem) {
                 ARITIES.iter().map(|arity| format!("{stem}/{arity}")).collect()
             } else {

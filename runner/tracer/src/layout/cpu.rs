@@ -1,36 +1,61 @@
 //! The plain twin of `encode.comp` and `triangles.comp`, for every layout.
 
-use super::{Child, LeafTriangle, NodeLayout, Target};
+use super::{Child, LayoutParams, LeafTriangle, NodeLayout, Target};
 use crate::{
     bvh2::{Bvh2, Triangle},
     contract::WideBvh,
 };
+use bytemuck::Zeroable;
 
-/// A wide tree's nodes in a layout, in its own order, and its triangles where its leaves expect them.
+/// A wide tree's nodes in a layout, and its triangles where its leaves expect them. Nodes are in the tree's own order,
+/// but for siblings of a layout whose slots have an order.
 pub fn encode<L: NodeLayout>(
     wide: &WideBvh,
     tree: &Bvh2,
     triangles: &[Triangle],
+    params: &LayoutParams,
 ) -> (Vec<L::Node>, Vec<LeafTriangle>) {
     let mut ordered = vec![LeafTriangle::new(&Triangle::default(), 0); tree.leaves];
-    let encoded = wide.nodes.iter().map(|node| {
-        let bounds = |index: u32| tree.nodes[index as usize].bounds();
-        let mut first = node.first_triangle;
-        let mut children = Vec::new();
-        for leaf in &node.leaves {
-            let target = Target::Leaf { first, count: leaf.triangles };
-            children.push(Child { bounds: bounds(leaf.node), target });
-            for below in WideBvh::triangles_below(tree, leaf.node) {
-                let primitive = tree.nodes[below as usize].left;
-                ordered[first as usize] = LeafTriangle::new(&triangles[primitive as usize], primitive);
-                first += 1;
+    // Of each node, where it goes.
+    let mut places = vec![0; wide.nodes.len()];
+    let arranged: Vec<Vec<Option<Child>>> = wide
+        .nodes
+        .iter()
+        .map(|node| {
+            let bounds = |index: u32| tree.nodes[index as usize].bounds();
+            let mut first = node.first_triangle;
+            let mut children = Vec::new();
+            for leaf in &node.leaves {
+                let target = Target::Leaf { first, count: leaf.triangles };
+                children.push(Child { bounds: bounds(leaf.node), target });
+                for below in WideBvh::triangles_below(tree, leaf.node) {
+                    let primitive = tree.nodes[below as usize].left;
+                    ordered[first as usize] = LeafTriangle::new(&triangles[primitive as usize], primitive);
+                    first += 1;
+                }
             }
-        }
-        children.extend(node.nodes.iter().enumerate().map(|(i, &index)| Child {
-            bounds: bounds(index),
-            target: Target::Node(node.first_node + i as u32),
-        }));
-        L::encode(&children, node.triangles)
-    });
-    (encoded.collect(), ordered)
+            children.extend(node.nodes.iter().enumerate().map(|(i, &index)| Child {
+                bounds: bounds(index),
+                target: Target::Node(node.first_node + i as u32),
+            }));
+            let seed = node.leaves.first().map_or_else(|| node.nodes[0], |leaf| leaf.node);
+            let slots = L::slots(&children, seed, params);
+            let mut arranged = vec![None; slots.iter().max().map_or(0, |last| last + 1)];
+            slots.iter().zip(children).for_each(|(&slot, child)| arranged[slot] = Some(child));
+            let mut next = node.first_node;
+            for child in arranged.iter_mut().flatten() {
+                if let Target::Node(index) = &mut child.target {
+                    places[*index as usize] = next;
+                    *index = next;
+                    next += 1;
+                }
+            }
+            arranged
+        })
+        .collect();
+    let mut encoded = vec![L::Node::zeroed(); wide.nodes.len()];
+    for ((node, children), &place) in wide.nodes.iter().zip(&arranged).zip(&places) {
+        encoded[place as usize] = L::encode(children, node.triangles, params);
+    }
+    (encoded, ordered)
 }

@@ -6,6 +6,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "bvh2.glsl"
 #include "wide.glsl"
+#include "arranged.glsl"
 
 // Stores the nodes of a wide tree as a layout wants them, an invocation a node. How one is stored is in the
 // layout's own `encode.glsl`.
@@ -13,6 +14,8 @@
 layout(local_size_x_id = 0) in;
 // Bytes from one node to the next.
 layout(constant_id = 1) const uint STRIDE = 4;
+// Bits of a plane, where they can be chosen.
+layout(constant_id = 2) const uint BITS = 8;
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer Words {
     uint v[];
@@ -23,6 +26,7 @@ layout(push_constant, scalar) uniform Push {
     WideNodes wide;
     Progress progress;
     Words nodes_out;
+    Arrangement arranged;  // of the compressed layout
 };
 
 struct WideNode {
@@ -55,7 +59,9 @@ uint child_code(WideNode node, uint slot, inout uint next_node, inout uint next_
     return code;
 }
 
-#if defined(LAYOUT_QUANTIZED)
+#if defined(LAYOUT_COMPRESSED)
+#include "layout/compressed/encode.glsl"
+#elif defined(LAYOUT_QUANTIZED)
 #include "layout/quantized/encode.glsl"
 #elif defined(LAYOUT_WIDE)
 #include "layout/wide/encode.glsl"
@@ -85,6 +91,11 @@ void main() {
                 box[slot] = bvh2_box(nodes.v[node.child[slot]]);
             }
         }
+#if defined(LAYOUT_COMPRESSED)
+        Arranged own = arranged.v[i];
+        encode(Words(uint64_t(nodes_out) + uint64_t(own.place) * STRIDE), node, box, own.slots);
+#else
         encode(Words(uint64_t(nodes_out) + uint64_t(i) * STRIDE), node, box);
+#endif
     }
 }

@@ -11,11 +11,14 @@ use crate::{
     gpu::{Buffer, Error, Gpu, Kernel, Pass, groups, shaders},
 };
 use bytemuck::{Pod, Zeroable};
+use compressed::Assignment;
 use serde::{Deserialize, Serialize};
 use std::mem::offset_of;
 
 pub mod binary;
+pub mod compressed;
 pub mod cpu;
+mod grid;
 pub mod quantized;
 pub mod wide;
 
@@ -54,6 +57,10 @@ macro_rules! with_layout {
                 type $L = $crate::layout::quantized::Quantized8;
                 $body
             }
+            $crate::layout::Layout::Compressed8 => {
+                type $L = $crate::layout::compressed::Compressed8;
+                $body
+            }
         }
     };
 }
@@ -62,6 +69,16 @@ impl Layout {
     /// Whether planes are stored in 8 bits.
     pub fn is_quantized(self) -> bool {
         matches!(self, Self::Quantized4 | Self::Quantized6 | Self::Quantized8)
+    }
+
+    /// Whether it is the compressed one, whose slots have an order of their own.
+    pub fn is_compressed(self) -> bool {
+        self == Self::Compressed8
+    }
+
+    /// What it can express.
+    pub fn limits(self) -> Limits {
+        with_layout!(self, L => <L as NodeLayout>::LIMITS)
     }
 
     /// Bytes of a node.
@@ -82,11 +99,17 @@ pub struct LayoutParams {
     /// Bytes that the distance between two nodes is a multiple of: 4, which leaves nodes as the thesis has
     /// them, 8 or 16. With more, kernels load up to so many bytes at a time, and more memory is needed.
     pub align: u32,
+    /// Bits of a plane in the compressed layout, 4 to 8 (Ylitie et al. 2017, table 1). Its nodes are as large with
+    /// fewer: boxes are only rounded more.
+    pub bits: u32,
+    /// Which slots children have in the compressed layout.
+    #[serde(skip)]
+    pub assignment: Assignment,
 }
 
 impl Default for LayoutParams {
     fn default() -> Self {
-        Self { align: 4 }
+        Self { align: 4, bits: 8, assignment: Assignment::Auction }
     }
 }
 
@@ -176,12 +199,27 @@ pub trait NodeLayout {
     /// The child in a slot, `slot < LIMITS.children`; `None` where the slot is empty.
     fn child(node: &Self::Node, slot: usize) -> Option<Child>;
 
-    /// A node of these children, in slot order, with so many triangles in its whole subtree. Leaves come
-    /// before nodes; nodes, and triangles of leaves, follow each other.
+    /// The slot of each child, leaves before nodes; `seed` tells nodes apart where slots are random. Theirs in turn,
+    /// where the order of slots means nothing.
+    fn slots(children: &[Child], _seed: u32, _params: &LayoutParams) -> Vec<usize> {
+        (0..children.len()).collect()
+    }
+
+    /// A node of the children in these slots, with so many triangles in its whole subtree. Nodes, and triangles of
+    /// leaves, follow each other; where the order of slots means nothing, leaves come before nodes, and no slot
+    /// between them is empty.
     ///
     /// # Panics
     /// There are more children than the layout can hold, or none, or they are in another order.
-    fn encode(children: &[Child], triangles: u32) -> Self::Node;
+    fn encode(children: &[Option<Child>], triangles: u32, params: &LayoutParams) -> Self::Node;
+}
+
+/// The children of slots of which none is empty.
+///
+/// # Panics
+/// One is.
+fn in_turn(slots: &[Option<Child>]) -> Vec<Child> {
+    slots.iter().map(|child| child.expect("no slot is empty")).collect()
 }
 
 /// The children of a node, empty slots left out.
@@ -192,6 +230,7 @@ pub fn children<L: NodeLayout>(node: &L::Node) -> impl Iterator<Item = Child> + 
 /// The kernels that write a wide tree's nodes and triangles, compiled for one layout.
 #[derive(Debug)]
 pub struct Encode {
+    arrange: Option<Kernel>,
     nodes: Kernel,
     triangles: Kernel,
     layout: Layout,
@@ -202,11 +241,21 @@ const WORKGROUP: u32 = 128;
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
+struct ArrangePush {
+    nodes: u64,
+    wide: u64,
+    progress: u64,
+    arranged: u64,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
 struct EncodePush {
     nodes: u64,
     wide: u64,
     progress: u64,
     nodes_out: u64,
+    arranged: u64,
 }
 
 #[repr(C)]
@@ -228,13 +277,17 @@ impl Encode {
     /// The driver's compiler failed.
     ///
     /// # Panics
-    /// `align` is not 4, 8 or 16.
+    /// `align` is not 4, 8 or 16, or `bits` not 4 to 8.
     pub fn new(gpu: &Gpu, layout: Layout, params: &LayoutParams) -> Result<Self, Error> {
         assert!([4, 8, 16].contains(&params.align), "nodes are aligned to 4, 8 or 16 bytes");
+        assert!((4..=8).contains(&params.bits), "planes have 4 to 8 bits");
         let size = WORKGROUP.min(gpu.info().max_workgroup_size);
         let stride = layout.stride(params);
+        let assignment = params.assignment as u32;
+        let arrange = || Kernel::new(gpu, &shaders::LAYOUT_COMPRESSED_ARRANGE, size, &[assignment]);
         Ok(Self {
-            nodes: Kernel::new(gpu, shaders::layout_encode(layout), size, &[stride as u32])?,
+            arrange: layout.is_compressed().then(arrange).transpose()?,
+            nodes: Kernel::new(gpu, shaders::layout_encode(layout), size, &[stride as u32, params.bits])?,
             triangles: Kernel::new(gpu, &shaders::LAYOUT_TRIANGLES, size, &[])?,
             layout,
             stride,
@@ -251,17 +304,41 @@ impl Encode {
         self.stride
     }
 
-    /// Writes the nodes to `nodes_out`, which has room for `wide.capacity()` of them, and the triangles in the
-    /// order of their leaves to `leaf_triangles`.
-    pub fn record(&self, pass: &mut Pass, input: &Input<'_>, nodes_out: &Buffer, leaf_triangles: &Buffer) {
+    /// Allocates the memory for a tree of up to `nodes` nodes and `triangles` triangles.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn buffers(&self, gpu: &Gpu, nodes: usize, triangles: usize) -> Result<LayoutBuffers, Error> {
+        let arranged = || gpu.buffer("slots and places of nodes", 8 * nodes as u64);
+        Ok(LayoutBuffers {
+            arranged: self.arrange.as_ref().map(|_| arranged()).transpose()?,
+            nodes: gpu.buffer("nodes", (self.stride * nodes) as u64)?,
+            triangles: gpu
+                .buffer("triangles in leaf order", (size_of::<LeafTriangle>() * triangles) as u64)?,
+        })
+    }
+
+    /// Writes nodes, and triangles in the order of their leaves.
+    pub fn record(&self, pass: &mut Pass, input: &Input<'_>, to: &LayoutBuffers) {
         let Input { tree, wide, triangles, count } = *input;
         // Most of these workgroups find nothing to do, which costs less than another indirect dispatch.
         let groups = groups(wide.capacity(), WORKGROUP).min(MOST_GROUPS);
+        let arranged = to.arranged.as_ref().map_or(0, Buffer::address);
+        if let Some(arrange) = &self.arrange {
+            let push = ArrangePush {
+                nodes: tree.nodes.address(),
+                wide: wide.nodes.address(),
+                progress: wide.progress.address(),
+                arranged,
+            };
+            pass.dispatch("arrange", arrange, &push, groups);
+        }
         let push = EncodePush {
             nodes: tree.nodes.address(),
             wide: wide.nodes.address(),
             progress: wide.progress.address(),
-            nodes_out: nodes_out.address(),
+            nodes_out: to.nodes.address(),
+            arranged,
         };
         pass.dispatch("nodes", &self.nodes, &push, groups);
         let push = TrianglesPush {
@@ -269,12 +346,23 @@ impl Encode {
             wide: wide.nodes.address(),
             progress: wide.progress.address(),
             triangles: triangles.address(),
-            leaf_triangles: leaf_triangles.address(),
+            leaf_triangles: to.triangles.address(),
             leaves: u32::try_from(count).expect("at most MAX_TRIANGLES"),
             arity: self.layout.arity() as u32,
         };
         pass.dispatch("triangles", &self.triangles, &push, groups);
     }
+}
+
+/// A tree as kernels traverse it, in device memory.
+#[derive(Debug)]
+pub struct LayoutBuffers {
+    /// `Arrangement` in `arranged.glsl`, of a layout whose slots have an order.
+    arranged: Option<Buffer>,
+    /// Nodes, a stride apart.
+    pub nodes: Buffer,
+    /// Of [`LeafTriangle`].
+    pub triangles: Buffer,
 }
 
 /// What is stored.
@@ -311,11 +399,18 @@ mod tests {
             .assert_items("Triangles", size_of::<Triangle>(), None)
             .assert_items("WideNodes", 4, None)
             .assert_items("LeafTriangles", 16, None);
+        Module::read(&shaders::LAYOUT_COMPRESSED_ARRANGE)
+            .assert_push_constants(
+                size_of::<ArrangePush>(),
+                &fields!(ArrangePush: nodes, wide, progress, arranged),
+            )
+            .assert_items("Arrangement", 8, None)
+            .assert_specialization(1, "ASSIGNMENT");
         for &layout in Layout::ALL {
             Module::read(shaders::layout_encode(layout))
                 .assert_push_constants(
                     size_of::<EncodePush>(),
-                    &fields!(EncodePush: nodes, wide, progress, nodes_out),
+                    &fields!(EncodePush: nodes, wide, progress, nodes_out, arranged),
                 )
                 .assert_items("Bvh2Nodes", size_of::<Bvh2Node>(), None)
                 .assert_items("WideNodes", 4, None)

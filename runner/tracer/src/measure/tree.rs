@@ -151,17 +151,18 @@ pub fn stats<L: NodeLayout>(nodes: &[L::Node], stride: usize, costs: &CollapsePa
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::{Child, binary::Binary};
+    use crate::layout::{Child, LayoutParams, binary::Binary};
 
     #[test]
     fn the_cost_of_two_leaves_under_a_root_is_what_the_formula_says() {
         let bounds = |lo: f32, hi: f32| Aabb { lo: [lo, 0.0, 0.0], hi: [hi, 1.0, 1.0] };
         let nodes = [Binary::encode(
             &[
-                Child { bounds: bounds(0.0, 1.0), target: Target::Leaf { first: 0, count: 3 } },
-                Child { bounds: bounds(2.0, 4.0), target: Target::Leaf { first: 3, count: 1 } },
+                Some(Child { bounds: bounds(0.0, 1.0), target: Target::Leaf { first: 0, count: 3 } }),
+                Some(Child { bounds: bounds(2.0, 4.0), target: Target::Leaf { first: 3, count: 1 } }),
             ],
             4,
+            &LayoutParams::default(),
         )];
         let costs = CollapseParams { traversal_cost: 3.0, intersection_cost: 2.0, max_leaf: 16 };
         let s = stats::<Binary>(&nodes, 56, &costs);

@@ -9,11 +9,12 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_shader_realtime_clock : require
 #define SINGLE_KERNEL
+
+layout(local_size_x_id = 0) in;
+
 #include "path/generate.glsl"
 #include "path/shade.glsl"
 #include "traverse/closest_hit.glsl"
-
-layout(local_size_x_id = 0) in;
 
 const uint MAX_DEPTH = 64;
 

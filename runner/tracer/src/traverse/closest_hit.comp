@@ -1,9 +1,11 @@
 #version 460
 // The traversal of one wavefront.
 #extension GL_GOOGLE_include_directive : require
-#include "traverse/closest_hit.glsl"
 
+// Before what is sized by it.
 layout(local_size_x_id = 0) in;
+
+#include "traverse/closest_hit.glsl"
 
 layout(push_constant, scalar) uniform Arguments {
     Rays rays;

@@ -22,6 +22,7 @@
 #extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
 
+#include "load.glsl"
 #include "ray.glsl"
 #include "slab.glsl"
 #include "triangle.glsl"
@@ -46,24 +47,6 @@ layout(constant_id = 8) const uint BARRIER = 0;
 // Whether a triangle's distance is computed before it is known to be hit (thesis 5.2).
 layout(constant_id = 9) const uint HOIST = 0;
 
-// A child: a node's index, or a leaf with its top bit set: 4 bits of count minus one, 27 bits of the first
-// triangle (thesis figure 12). NONE cannot be a leaf: its triangles would exceed 27 bits.
-const uint NONE = 0xFFFFFFFFu;
-const uint LEAF_BIT = 0x80000000u;
-
-#if defined(LAYOUT_QUANTIZED)
-#include "layout/quantized/node.glsl"
-#elif defined(LAYOUT_WIDE)
-#include "layout/wide/node.glsl"
-#else
-#include "layout/binary/node.glsl"
-#endif
-#include "traverse/order.glsl"
-
-// Iterations that count towards QUOTA for one node. Loops that are to be unrolled count too, and their last,
-// empty rounds: drivers that end loops count those they did not unroll.
-const uint NODE_STEPS = 1 + MEET_STEPS + ARITY;
-
 // Per ray: nodes visited, boxes tested, triangles tested, nothing.
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Counts {
     uvec4 items[];
@@ -82,6 +65,31 @@ struct Tree {
     float extent;
 };
 
+uint lanes(bool which) {
+    return subgroupBallotBitCount(subgroupBallot(which));
+}
+
+#if defined(LAYOUT_COMPRESSED)
+#include "traverse/groups/closest_hits.glsl"
+#else
+// A child: a node's index, or a leaf with its top bit set: 4 bits of count minus one, 27 bits of the first
+// triangle (thesis figure 12). NONE cannot be a leaf: its triangles would exceed 27 bits.
+const uint NONE = 0xFFFFFFFFu;
+const uint LEAF_BIT = 0x80000000u;
+
+#if defined(LAYOUT_QUANTIZED)
+#include "layout/quantized/node.glsl"
+#elif defined(LAYOUT_WIDE)
+#include "layout/wide/node.glsl"
+#else
+#include "layout/binary/node.glsl"
+#endif
+#include "traverse/order.glsl"
+
+// Iterations that count towards QUOTA for one node. Loops that are to be unrolled count too, and their last,
+// empty rounds: drivers that end loops count those they did not unroll.
+const uint NODE_STEPS = 1 + MEET_STEPS + ARITY;
+
 bool is_inner(uint child) {
     return int(child) >= 0;
 }
@@ -95,9 +103,7 @@ bool is_leaf(uint child) {
 shared uint leaving[2];
 const uint ALL = 1u << 16;  // more than there are
 
-uint lanes(bool which) {
-    return subgroupBallotBitCount(subgroupBallot(which));
-}
+#define FINISHED (node == NONE && leaf == NONE)
 
 // Closest hits of the rays in a queue, until none is left.
 //
@@ -227,3 +233,5 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
         atomicAdd(queue.finished, finished);
     }
 }
+
+#endif

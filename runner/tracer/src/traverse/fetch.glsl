@@ -16,7 +16,11 @@ if (ray == MISS && index < count) {
     slab = slab_of(r.origin, r.direction, tree.extent, PAD);
     shear = shear_of(r.direction);
     best = Hit(min(r.t_max, LARGEST), MISS);
+#if defined(LAYOUT_COMPRESSED)
+    group = ROOT;
+#else
     node = 0;
+#endif
     top = 0;
     nodes_visited = 0;
     boxes_tested = 0;

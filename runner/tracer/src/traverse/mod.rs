@@ -1,6 +1,7 @@
 //! Closest hits of many rays: one kernel a layout, launched over a queue of rays.
 
 pub mod cpu;
+pub mod groups;
 #[cfg(test)]
 mod interface_tests;
 
@@ -10,6 +11,7 @@ use crate::{
     layout::Layout,
 };
 use bytemuck::{Pod, Zeroable};
+use groups::Order;
 
 /// A ray as kernels and ray files hold it: points `origin + t * direction` with `t_min < t < t_max`.
 #[repr(C)]
@@ -100,6 +102,12 @@ pub struct Params {
     pub stack: u32,
     /// Whether the stages of a path are launched apart, or are one persistent kernel.
     pub kernels: Kernels,
+    /// How the compressed layout is traversed, which has a schedule of its own.
+    #[serde(skip)]
+    pub groups: groups::Params,
+    /// In which order children are visited in the compressed layout; in the others the nearest is first.
+    #[serde(skip)]
+    pub order: Order,
     /// What the kernels are written in. No parameter: it belongs to a variant.
     #[serde(skip)]
     pub language: Language,
@@ -153,6 +161,16 @@ impl Params {
         };
         subgroups.saturating_mul(gpu.info().subgroup_size)
     }
+
+    /// Fails where workgroups of a size cannot have the stack's shared entries.
+    fn check_shared_memory(&self, gpu: &Gpu, layout: Layout, size: u32) -> Result<(), Error> {
+        let bytes = size.saturating_mul(8 * self.groups.shared_stack.max(1));
+        let limit = gpu.info().shared_memory_bytes;
+        if layout.is_compressed() && bytes > limit {
+            return Err(Error::SharedStack { size, entries: self.groups.shared_stack, bytes, limit });
+        }
+        Ok(())
+    }
 }
 
 /// How many kernels trace a path (thesis 5.1.1, table 3).
@@ -178,6 +196,8 @@ impl Default for Params {
             secondary_vote: 1.0,
             stack: 64,
             kernels: Kernels::Separate,
+            groups: groups::Params::default(),
+            order: Order::default(),
             language: Language::Glsl,
             technique: Technique::default(),
         }
@@ -211,7 +231,8 @@ pub struct Tree {
     pub layout: Layout,
     /// Bytes from one node to the next.
     pub stride: usize,
-    /// Entries that a traversal's stack needs at most.
+    /// Entries that a traversal's stack needs at most; of the compressed layout, where children are not visited by
+    /// distance.
     pub stack: u32,
     /// Largest absolute coordinate of the scene.
     pub extent: f32,
@@ -287,15 +308,17 @@ impl Traversal {
                 .ok_or(Error::NotBuilt { reason: shaders::SLANG_MISSING.unwrap_or_default() })?,
         };
         let kernel = |wave| {
+            let size = params.workgroup_size(gpu, wave);
+            params.check_shared_memory(gpu, tree.layout, size)?;
             let (constants, stack) = constants(gpu, params, tree, counting, wave)?;
-            let (size, reconverge) = (params.workgroup_size(gpu, wave), params.technique.reconverge);
+            let reconverge = params.technique.reconverge;
             Ok::<_, Error>((Kernel::with_reconvergence(gpu, shader, size, &constants, reconverge)?, stack))
         };
         let ((primary, stack), (secondary, _)) = (kernel(Wave::Primary)?, kernel(Wave::Secondary)?);
         Ok(Self { primary, secondary, gpu: gpu.clone(), stack, launches })
     }
 
-    /// Entries of the traversal stack the kernels were compiled with.
+    /// The largest [`Tree::stack`] that the kernels were compiled for.
     pub fn stack(&self) -> u32 {
         self.stack
     }
@@ -360,16 +383,17 @@ impl Traversal {
     }
 }
 
-/// The specialization constants of `closest_hit.glsl`, and the entries of the stack among them.
+/// The specialization constants of `closest_hit.glsl`, and for trees of which [`Tree::stack`] they will do.
 pub(crate) fn constants(
     gpu: &Gpu,
     params: &Params,
     tree: &Tree,
     counting: Counting,
     wave: Wave,
-) -> Result<([u32; 9], u32), Error> {
+) -> Result<(Vec<u32>, u32), Error> {
     let lanes = gpu.info().subgroup_size;
-    let stack = params.stack.max(tree.stack.next_multiple_of(32));
+    let times = if tree.layout.is_compressed() { groups::stack_times(params.order) } else { 1 };
+    let stack = params.stack.max((times * tree.stack).next_multiple_of(32));
     let postpone = ((params.postpone_below * lanes as f32).round() as u32).min(lanes);
     let quota = if gpu.info().ends_long_loops() { QUOTA } else { 0 };
     let (fetch_below, vote) = match wave {
@@ -380,12 +404,14 @@ pub(crate) fn constants(
     // Any vote above zero is one.
     let vote = if vote > 0.0 { ((vote * 32.0).round() as u32).max(1) } else { 0 };
     let Technique { barrier, hoist, .. } = params.technique;
-    if barrier && vote > 0 {
+    if barrier && (vote > 0 || tree.layout.is_compressed()) {
         return Err(Error::BarrierByVote);
     }
     let [barrier, hoist] = [barrier, hoist].map(u32::from);
     let stride = tree.stride as u32;
-    Ok(([stack, fetch_below, quota, counting as u32, postpone, stride, vote, barrier, hoist], stack))
+    let of_all = [stack, fetch_below, quota, counting as u32, postpone, stride, vote, barrier, hoist, 0];
+    let constants = of_all.into_iter().chain(params.groups.constants(params.order, lanes)).collect();
+    Ok((constants, stack / times))
 }
 
 /// Whether every ray of a wavefront at `depth` has been finished.

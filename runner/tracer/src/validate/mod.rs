@@ -221,7 +221,10 @@ mod tests {
     use crate::{
         collapse::{self, CollapseParams},
         contract::{self, ContractParams},
-        layout::binary::{self, Binary, BinaryNode},
+        layout::{
+            LayoutParams,
+            binary::{self, Binary, BinaryNode},
+        },
         ploc::{self, PlocParams},
     };
 
@@ -280,7 +283,8 @@ mod tests {
         let subtrees =
             collapse::cpu::collapse(&tree, 1.0, &CollapseParams { max_leaf: 2, ..Default::default() });
         let wide = contract::cpu::contract(&tree, &subtrees, 1.0, 2, &ContractParams::default(), None);
-        let (nodes, leaves) = crate::layout::cpu::encode::<Binary>(&wide, &tree, &triangles);
+        let (nodes, leaves) =
+            crate::layout::cpu::encode::<Binary>(&wide, &tree, &triangles, &LayoutParams::default());
         assert_eq!(layout::<Binary>(&nodes, &leaves, &triangles), Ok(subtrees[18].height as usize));
         let damage = |f: fn(&mut Vec<BinaryNode>, &mut Vec<LeafTriangle>)| {
             let (mut nodes, mut leaves) = (nodes.clone(), leaves.clone());

@@ -10,10 +10,14 @@ use std::{
 use tracer::{
     builder::{BuildParams, BuildWorkspace, Builder, Summary},
     bvh2::Triangle,
+    contract::Contraction,
     gpu::{Gpu, Options},
-    layout::Layout,
+    layout::{Layout, compressed::Compressed8},
     scene::{LoadReport, Material, Origin, Provenance, Scene, Sky, View},
-    traverse::{Counting, Counts, Hit, Language, Params, Ray, Traversal, Tree, cpu},
+    traverse::{
+        Counting, Counts, Hit, Language, Params, Ray, Traversal, Tree, cpu,
+        groups::{self, Order},
+    },
     with_layout,
 };
 
@@ -133,11 +137,26 @@ pub struct Planted {
     pub workspace: BuildWorkspace,
 }
 
+/// The usual parameters, with leaves no larger than the layout allows.
+pub fn usual(layout: Layout) -> BuildParams {
+    let mut params = BuildParams::default();
+    params.collapse.max_leaf = params.collapse.max_leaf.min(layout.limits().triangles_per_leaf as u32);
+    params
+}
+
+/// How a layout is made of a tree whose leaves may have 16 triangles: one that holds fewer gets its own leaves.
+pub fn on_any_tree(layout: Layout) -> BuildParams {
+    let mut params = BuildParams::default();
+    if layout.limits().triangles_per_leaf < 16 {
+        params.contract.method = Contraction::Optimal;
+    }
+    params
+}
+
 /// A builder with the usual parameters; compiling its kernels takes longer than most builds.
 pub fn builder_of(layout: Layout) -> &'static Builder {
     static BUILDERS: [OnceLock<Builder>; Layout::ALL.len()] = [const { OnceLock::new() }; Layout::ALL.len()];
-    BUILDERS[layout as usize]
-        .get_or_init(|| Builder::new(gpu(), &BuildParams::default(), layout).expect("a builder"))
+    BUILDERS[layout as usize].get_or_init(|| Builder::new(gpu(), &usual(layout), layout).expect("a builder"))
 }
 
 /// The same for the layout that most tests are content with.
@@ -152,11 +171,17 @@ pub fn plant(builder: &Builder, triangles: &[Triangle]) -> Planted {
     let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
     let extent = triangles.as_flattened().as_flattened().iter().fold(0f32, |m, x| m.max(x.abs()));
     let tree = workspace.wide.tree(&report.summary, extent);
-    let leaves = workspace.wide.triangles.read(0, triangles.len()).unwrap();
-    let twin: Twin = with_layout!(tree.layout, L => {
-        let nodes = workspace.wide.read_nodes::<L>(report.summary.nodes as usize).unwrap();
-        Box::new(move |ray| cpu::closest_hit::<L>(&nodes, &leaves, extent, ray))
-    });
+    let leaves = workspace.wide.stored.triangles.read(0, triangles.len()).unwrap();
+    let count = report.summary.nodes as usize;
+    let twin: Twin = if tree.layout.is_compressed() {
+        let nodes = workspace.wide.read_nodes::<Compressed8>(count).unwrap();
+        Box::new(move |ray| groups::cpu::closest_hit(&nodes, &leaves, extent, Order::Octant, ray))
+    } else {
+        with_layout!(tree.layout, L => {
+            let nodes = workspace.wide.read_nodes::<L>(count).unwrap();
+            Box::new(move |ray| cpu::closest_hit::<L>(&nodes, &leaves, extent, ray))
+        })
+    };
     Planted { tree, summary: report.summary, twin, workspace }
 }
 
@@ -173,6 +198,12 @@ pub fn languages() -> &'static [Language] {
         };
         Language::ALL.into_iter().filter(there).collect()
     })
+}
+
+/// Those of them in which a layout is traced.
+pub fn languages_of(layout: Layout) -> impl Iterator<Item = Language> {
+    let fits = move |&language: &Language| language == Language::Glsl || layout.slang().is_some();
+    languages().iter().copied().filter(fits)
 }
 
 /// The kernels with the usual parameters for a tree, compiled once for all trees that are served by them.

@@ -19,7 +19,7 @@
 //! box: every slab test misses it, whichever way the ray goes, while one with lo > hi would be hit by
 //! those that sort the two planes.
 
-use super::{Child, Limits, NodeLayout, Target};
+use super::{Child, LayoutParams, Limits, NodeLayout, Target, in_turn};
 use crate::bvh2::{Aabb, MAX_TRIANGLES};
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
@@ -110,7 +110,8 @@ impl NodeLayout for Binary {
         (lo[0] != f32::INFINITY).then_some(Child { bounds: Aabb { lo, hi }, target: target(index) })
     }
 
-    fn encode(children: &[Child], _triangles: u32) -> BinaryNode {
+    fn encode(slots: &[Option<Child>], _triangles: u32, _params: &LayoutParams) -> BinaryNode {
+        let children = in_turn(slots);
         assert!((1..=2).contains(&children.len()), "a binary node has one or two children");
         let first = &children[0];
         let mut node = BinaryNode {
@@ -139,11 +140,11 @@ mod tests {
             target: Target::Leaf { first: 42, count: 4 },
         };
         let inner = Child { bounds: Aabb { lo: [-1.0; 3], hi: [5.0; 3] }, target: Target::Node(133) };
-        let node = Binary::encode(&[leaf, inner], 9);
+        let node = Binary::encode(&[leaf, inner].map(Some), 9, &LayoutParams::default());
         assert_eq!(node.child0, 0b1001_1000_0000_0000_0000_0000_0010_1010);
         assert_eq!(node.child1, 0b0000_0000_0000_0000_0000_0000_1000_0101);
         assert_eq!(Binary::child(&node, 0), Some(leaf));
         assert_eq!(Binary::child(&node, 1), Some(inner));
-        assert_eq!(Binary::child(&Binary::encode(&[leaf], 4), 1), None);
+        assert_eq!(Binary::child(&Binary::encode(&[Some(leaf)], 4, &LayoutParams::default()), 1), None);
     }
 }

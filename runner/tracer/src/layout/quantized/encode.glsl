@@ -1,29 +1,6 @@
 // See layout/quantized/mod.rs, which draws the format and gives the reasons.
 
-// x - y for x >= y, rounded down or up, so that it is never more or never less than the exact difference.
-// With `halved` both are halved first, because the difference may not fit a float, and any rounding is
-// counted; half of the largest difference there is is the largest float.
-float difference(float x, float y, bool up, bool halved) {
-    if (halved) {
-        x *= 0.5;
-        y *= 0.5;
-    }
-    // The error of a sum of two floats (Knuth, TwoSum).
-    precise float d = x - y;
-    precise float v = d - x;
-    precise float error = (x - (d - v)) - (y + v);
-    bool off = up ? error > 0.0 || halved : error < 0.0 || halved;
-    uint bits = floatBitsToUint(d);
-    return off && d > 0.0 ? uintBitsToFloat(up ? min(bits + 1, 0x7f7fffff) : bits - 1) : d;
-}
-
-// Exponent bits of the least power of two of which 255 cover `extent`.
-uint exponent_for(float extent) {
-    uint bits = floatBitsToUint(extent);
-    // 255 is 1.9921875 * 2^7, and 0x7f0000 the mantissa of the former.
-    uint exponent = (bits >> 23) + ((bits & 0x7fffff) > 0x7f0000 ? 1 : 0);
-    return max(exponent, 8) - 7;
-}
+#include "grid.glsl"
 
 void encode(Words to, WideNode node, Box box[ARITY]) {
     Box all = box[0];
@@ -38,22 +15,14 @@ void encode(Words to, WideNode node, Box box[ARITY]) {
     uint exponents = 0;
     [[unroll]] for (uint axis = 0; axis < 3; axis++) {
         float origin = all.lo[axis];
-        float extent = difference(all.hi[axis], origin, true, false);
-        bool halved = isinf(extent);
-        if (halved) {
-            extent = difference(all.hi[axis], origin, true, true);
-        }
-        uint exponent = exponent_for(extent);
-        float inverse = uintBitsToFloat((254 - exponent) << 23);
-        exponents |= (exponent + (halved ? 1 : 0)) << (8 * axis);
+        Grid grid = grid_of(origin, all.hi[axis], 8);
+        exponents |= grid.exponent << (8 * axis);
         [[unroll]] for (uint slot = 0; slot < ARITY; slot++) {
             lo[slot][axis] = 0;
             hi[slot][axis] = 0;
             if (slot < node.children) {
-                lo[slot][axis] = uint(floor(difference(box[slot].lo[axis], origin, false, halved) * inverse));
-                // A step may be so much longer that the product is nothing.
-                float above = difference(box[slot].hi[axis], origin, true, halved);
-                hi[slot][axis] = max(uint(ceil(above * inverse)), above > 0.0 ? 1 : 0);
+                lo[slot][axis] = line_below(grid, box[slot].lo[axis]);
+                hi[slot][axis] = line_above(grid, box[slot].hi[axis]);
             }
         }
         to.v[axis] = floatBitsToUint(origin);

@@ -27,70 +27,16 @@
 //! Leaves come before nodes. The first node and the first triangle are stored, the others follow; a leaf's
 //! triangles less one are a nibble of `leaf_sizes`, the first leaf's the lowest.
 //!
-//! Decoded boxes contain the exact ones, even before the sum `origin + line * step` is rounded: the
-//! difference of a plane and the origin is rounded outward with its exact error (Knuth's TwoSum), scaled by
-//! a power of two, which is exact, and rounded outward to a line. Where even the difference leaves the range
-//! of a float, it is taken of halves. Steps are never below 2^-126, so no exponent is zero.
+//! Decoded boxes contain the exact ones: see [`grid`](super::grid).
 
-use super::{Child, Limits, NodeLayout, Target};
+use super::{
+    Child, LayoutParams, Limits, NodeLayout, Target,
+    grid::{Grid, plane},
+    in_turn,
+};
 use crate::bvh2::{Aabb, MAX_TRIANGLES};
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
-
-/// The grid of one axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Grid {
-    origin: f32,
-    /// Biased exponent of the step.
-    exponent: u32,
-    /// Differences are taken of halves, the exponent for them being one less.
-    halved: bool,
-}
-
-/// `difference` in `encode.glsl`.
-fn difference(x: f32, y: f32, up: bool, halved: bool) -> f32 {
-    let (x, y) = if halved { (0.5 * x, 0.5 * y) } else { (x, y) };
-    let d = x - y;
-    let v = d - x;
-    let error = (x - (d - v)) - (y + v);
-    let off = if up { error > 0.0 } else { error < 0.0 } || halved;
-    match off && d > 0.0 {
-        true if up => f32::from_bits(d.to_bits() + 1).min(f32::MAX),
-        true => f32::from_bits(d.to_bits() - 1),
-        false => d,
-    }
-}
-
-impl Grid {
-    /// The finest one on which 255 steps lead from `lo` to `hi`.
-    fn new(lo: f32, hi: f32) -> Self {
-        let extent = difference(hi, lo, true, false);
-        let halved = extent.is_infinite();
-        let extent = if halved { difference(hi, lo, true, true) } else { extent };
-        let bits = extent.to_bits();
-        let exponent = (bits >> 23) + u32::from(bits & 0x7f_ffff > 0x7f_0000);
-        Self { origin: lo, exponent: exponent.max(8) - 7 + u32::from(halved), halved }
-    }
-
-    fn inverse(self) -> f32 {
-        f32::from_bits((254 + u32::from(self.halved) - self.exponent) << 23)
-    }
-
-    fn line_below(self, plane: f32) -> u32 {
-        (difference(plane, self.origin, false, self.halved) * self.inverse()).floor() as u32
-    }
-
-    fn line_above(self, plane: f32) -> u32 {
-        let above = difference(plane, self.origin, true, self.halved);
-        // A step may be so much longer that the product is nothing.
-        ((above * self.inverse()).ceil() as u32).max(u32::from(above > 0.0))
-    }
-}
-
-/// The plane of a grid line, rounded to the nearest float.
-fn plane(origin: f32, exponent: u32, line: u32) -> f32 {
-    (line as f32).mul_add(f32::from_bits(exponent << 23), origin)
-}
 
 macro_rules! layout {
     ($layout:ident, $node:ident, $arity:literal, $bytes:literal) => {
@@ -162,10 +108,11 @@ macro_rules! layout {
                 Some(Child { bounds, target })
             }
 
-            fn encode(children: &[Child], _triangles: u32) -> $node {
+            fn encode(slots: &[Option<Child>], _triangles: u32, _params: &LayoutParams) -> $node {
+                let children = in_turn(slots);
                 assert!((1..=$arity).contains(&children.len()), "a node has 1 to {} children", $arity);
                 let all = children.iter().fold(Aabb::EMPTY, |b, c| b.union(&c.bounds));
-                let grid: [Grid; 3] = std::array::from_fn(|k| Grid::new(all.lo[k], all.hi[k]));
+                let grid: [Grid; 3] = std::array::from_fn(|k| Grid::new(all.lo[k], all.hi[k], 8));
                 let mut node = $node {
                     origin: all.lo,
                     exponents_counts: grid[0].exponent
@@ -217,53 +164,8 @@ layout!(Quantized8, Quantized8Node, 8, 76);
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::layout::grid::tests::{boxes, extremes};
     use proptest::prelude::*;
-    use std::cmp::Ordering;
-
-    /// How `line` steps compare with `to - from`, exactly.
-    fn compare(line: u32, exponent: u32, from: f32, to: f32) -> Ordering {
-        // Exact: 8 bits times a power of two.
-        let steps = f64::from(line) * 2f64.powi(exponent as i32 - 127);
-        // The sum of two floats and its error; doubles have room for both.
-        let (x, y) = (f64::from(to), f64::from(from));
-        let d = x - y;
-        let v = d - x;
-        let error = (x - (d - v)) - (y + v);
-        // The error is less than the distance to the next double, so it counts only among equals.
-        steps
-            .partial_cmp(&d)
-            .and_then(|order| Some(order.then(0.0f64.partial_cmp(&error)?)))
-            .expect("numbers")
-    }
-
-    /// Encodes boxes of one axis and holds their lines against the exact planes.
-    fn check_axis(planes: &[(f32, f32)]) {
-        let lo = planes.iter().fold(f32::INFINITY, |m, p| m.min(p.0));
-        let hi = planes.iter().fold(f32::NEG_INFINITY, |m, p| m.max(p.1));
-        let grid = Grid::new(lo, hi);
-        let exponent = grid.exponent;
-        assert!((1..=254).contains(&exponent), "{grid:?}");
-        // With steps half as long, 255 would not do. Where differences are taken of halves they count as
-        // rounded even if they are not.
-        let half = compare(255, exponent.saturating_sub(1), lo, hi);
-        assert!(
-            exponent == 1 || half.is_lt() || grid.halved && half.is_eq(),
-            "{grid:?} is too coarse for {hi}"
-        );
-        for &(a, b) in planes {
-            let (below, above) = (grid.line_below(a), grid.line_above(b));
-            assert!(below <= 255 && above <= 255, "{grid:?}: lines {below} and {above} of {a} and {b}");
-            assert!(compare(below, exponent, lo, a).is_le(), "{grid:?}: line {below} lies above {a}");
-            assert!(compare(above, exponent, lo, b).is_ge(), "{grid:?}: line {above} lies below {b}");
-            // No line nearer would have done; where differences are taken of halves, none but the next.
-            let nearer = 1 + u32::from(grid.halved);
-            let below_is_tight = compare(below + nearer, exponent, lo, a).is_gt();
-            let above_is_tight =
-                above.checked_sub(nearer).is_none_or(|line| compare(line, exponent, lo, b).is_lt());
-            assert!(below_is_tight, "{grid:?}: line {below} is not the nearest below {a}");
-            assert!(above_is_tight, "{grid:?}: line {above} is not the nearest above {b}");
-        }
-    }
 
     fn check<L: NodeLayout>(boxes: &[Aabb], leaves: usize) {
         let mut first = 40;
@@ -280,16 +182,17 @@ mod tests {
                 Child { bounds, target }
             })
             .collect();
-        let node = L::encode(&children, 1000);
+        let node = L::encode(
+            &children.iter().copied().map(Some).collect::<Vec<_>>(),
+            1000,
+            &LayoutParams::default(),
+        );
         for (slot, child) in children.iter().enumerate() {
             let decoded = L::child(&node, slot).expect("a child");
             assert_eq!(decoded.target, child.target, "{}: slot {slot}", L::NAME);
             assert!(decoded.bounds.contains(&child.bounds), "{}: {decoded:?} of {child:?}", L::NAME);
         }
         assert!((children.len()..L::LIMITS.children).all(|slot| L::child(&node, slot).is_none()));
-        for axis in 0..3 {
-            check_axis(&boxes.iter().map(|b| (b.lo[axis], b.hi[axis])).collect::<Vec<_>>());
-        }
     }
 
     fn check_all(boxes: &[Aabb]) {
@@ -304,80 +207,18 @@ mod tests {
         }
     }
 
-    /// Coordinates of every size and sign; `kind` chooses what is next to each other in one node.
-    fn coordinate(kind: u8) -> BoxedStrategy<f32> {
-        let finite = any::<f32>().prop_filter("coordinates are finite", |x| x.is_finite());
-        match kind {
-            0 => (-100.0f32..100.0).boxed(),
-            1 => finite.boxed(),
-            2 => prop_oneof![Just(f32::MAX), Just(-f32::MAX), Just(0.0), -f32::MAX..f32::MAX, finite].boxed(),
-            // Denormals and what is next to them.
-            3 => (any::<bool>(), 0u32..1 << 25)
-                .prop_map(|(sign, bits)| f32::from_bits(bits | u32::from(sign) << 31))
-                .boxed(),
-            // Few, so that boxes are flat and planes coincide.
-            4 => (-3i8..4).prop_map(|x| f32::from(x) * 0.1).boxed(),
-            // Far from the origin, where floats are far apart.
-            5 => (0u32..4000).prop_map(|ulps| f32::from_bits(1e4f32.to_bits() + ulps)).boxed(),
-            6 => (0u32..300).prop_map(|ulps| -f32::from_bits(1e18f32.to_bits() + ulps)).boxed(),
-            // Whole steps, and just beside them.
-            _ => (0u32..256, -1i32..=1)
-                .prop_map(|(line, off)| {
-                    f32::from_bits((line as f32 + 256.0).to_bits().wrapping_add_signed(off))
-                })
-                .boxed(),
-        }
-    }
-
-    fn boxes() -> impl Strategy<Value = Vec<Aabb>> {
-        (0u8..8, 0u8..8, 0u8..8, 1usize..=8).prop_flat_map(|(x, y, z, n)| {
-            let pair = |kind| (coordinate(kind), coordinate(kind));
-            proptest::collection::vec((pair(x), pair(y), pair(z)), n..=n).prop_map(|all| {
-                let sorted = all.into_iter().map(|(x, y, z)| Aabb {
-                    lo: [x, y, z].map(|(a, b)| a.min(b)),
-                    hi: [x, y, z].map(|(a, b)| a.max(b)),
-                });
-                sorted.collect()
-            })
-        })
-    }
-
     proptest! {
         #![proptest_config(ProptestConfig { cases: 4000, failure_persistence: None, ..Default::default() })]
 
         #[test]
-        fn decoded_boxes_contain_exact_ones_as_tightly_as_the_grid_allows(boxes in boxes()) {
+        fn decoded_boxes_contain_exact_ones(boxes in boxes()) {
             check_all(&boxes);
         }
     }
 
     #[test]
     fn the_largest_and_the_smallest_boxes_are_contained() {
-        let (most, least) = (f32::MAX, f32::from_bits(1));
-        for (lo, hi) in [
-            (-most, most),
-            (0.0, most),
-            (-most, 0.0),
-            (-most, -most),
-            (most, most),
-            (-most, least),
-            (-least, least),
-            (0.0, least),
-            (-0.0, 0.0),
-            (0.0, f32::MIN_POSITIVE),
-            (1.0, 1.0),
-            (1.0, 1.0f32.next_up()),
-            (0.0, 255.0),
-            (0.0, 255.0f32.next_up()),
-            (-255.0 * 2f32.powi(120), 0.0),
-            (1e4, 1e4f32.next_up()),
-        ] {
-            let whole = Aabb { lo: [lo; 3], hi: [hi; 3] };
-            let (at_lo, at_hi) = (Aabb { lo: [lo; 3], hi: [lo; 3] }, Aabb { lo: [hi; 3], hi: [hi; 3] });
-            check_all(&[whole]);
-            check_all(&[whole, at_lo, at_hi]);
-            check_all(&[at_lo, at_hi]);
-        }
+        extremes(check_all);
     }
 
     #[test]
@@ -395,7 +236,7 @@ mod tests {
             child([200, 1, 2], [201, 2, 3], Target::Node(133)),
             child([0, 0, 0], [1, 1, 1], Target::Node(134)),
         ];
-        let node = Quantized4::encode(&children, 99);
+        let node = Quantized4::encode(&children.map(Some), 99, &LayoutParams::default());
         assert_eq!(node.origin, origin);
         assert_eq!(node.exponents_counts, 0b0100_0010_0111_1100_0111_1101_0111_1010);
         assert_eq!((node.first_node, node.first_triangle), (133, 42));

@@ -11,7 +11,7 @@
 //! are; the boxes of absent ones are points at infinity. `triangles`, the number in the whole subtree, is
 //! kept as the thesis keeps it; traversal does not read it.
 
-use super::{Child, Limits, NodeLayout, binary};
+use super::{Child, LayoutParams, Limits, NodeLayout, binary, in_turn};
 use crate::bvh2::{Aabb, MAX_TRIANGLES};
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
@@ -71,7 +71,8 @@ macro_rules! layout {
                 (slot < node.count as usize).then_some(Child { bounds: Aabb { lo, hi }, target })
             }
 
-            fn encode(children: &[Child], triangles: u32) -> $node {
+            fn encode(slots: &[Option<Child>], triangles: u32, _params: &LayoutParams) -> $node {
+                let children = in_turn(slots);
                 assert!((1..=$arity).contains(&children.len()), "a node has 1 to {} children", $arity);
                 let mut node = $node {
                     bounds: [ABSENT; $arity],
@@ -106,7 +107,7 @@ mod tests {
             Child { bounds: bounds(1.0), target: Target::Leaf { first: 46, count: 16 } },
             Child { bounds: bounds(2.0), target: Target::Node(133) },
         ];
-        let node = Wide4::encode(&children, 99);
+        let node = Wide4::encode(&children.map(Some), 99, &LayoutParams::default());
         assert_eq!(node.child, [0x9800_002a, 0xf800_002e, 133, 0x8000_0000]);
         assert_eq!((node.count, node.triangles), (3, 99));
         let words: &[u32] = bytemuck::cast_slice(std::slice::from_ref(&node));

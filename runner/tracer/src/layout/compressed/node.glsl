@@ -1,0 +1,81 @@
+// Tests a ray against the children of a node: see layout/compressed/mod.rs.
+#include "load.glsl"
+
+const uint ALIGN = (STRIDE & 15) == 0 ? 16 : ((STRIDE & 7) == 0 ? 8 : 4);
+
+// What a kernel keeps of a ray for this layout. Two more roundings than exact boxes need: that of a node's
+// origin along the ray, and that of what is added to it.
+const float PAD = EXACT_PAD * 1.5;
+// Iterations of the loops in `meet` and in visit.glsl, each with its last, empty one.
+const uint NODE_STEPS = 1 + 2 * 5 + 8 * 9;
+
+// A node as it is loaded; planes are words of four children, those of slots 0 to 3 first.
+struct Compressed {
+    vec3 origin;
+    uvec3 exponents;
+    uint imask;
+    uint first_node;
+    uint first_triangle;
+    uint meta[2];
+    uint lo[3][2];
+    uint hi[3][2];
+};
+
+Compressed load_compressed(uint64_t nodes, uint index) {
+    uint64_t at = nodes + uint64_t(index) * STRIDE;
+    uvec4 a = load4(at, ALIGN);
+    uvec4 b = load4(at + 16, ALIGN);
+    uvec4 c = load4(at + 32, ALIGN);
+    uvec4 d = load4(at + 48, ALIGN);
+    uvec4 e = load4(at + 64, ALIGN);
+    return Compressed(uintBitsToFloat(a.xyz), uvec3(a.w & 255, a.w >> 8 & 255, a.w >> 16 & 255), a.w >> 24, b.x, b.y,
+                      uint[2](b.z, b.w), uint[3][2](uint[2](c.x, c.y), uint[2](c.z, c.w), uint[2](d.x, d.y)),
+                      uint[3][2](uint[2](d.z, d.w), uint[2](e.x, e.y), uint[2](e.z, e.w)));
+}
+
+// How many slots hold something.
+uint children_of(Compressed c) {
+    uint children = 0;
+    [[unroll]] for (uint i = 0; i < 8; i++) {
+        children += (c.meta[i / 4] >> (8 * (i & 3)) & 255) != 0 ? 1 : 0;
+    }
+    return children;
+}
+
+// The hits of a node group in the upper byte and those of a triangle group in the others (Ylitie et al. 2017, 4.2
+// and 4.3); `octinv` is 7 - octant. `t` are the distances at which the ray enters boxes that it meets.
+//
+// Planes are not decoded in space: along an axis of the ray they are crossed at distances
+//     (origin + line * step) * inverse + bias = line * (step * inverse) + (origin * inverse + bias),
+// one fused multiply-add a plane (equations 10 and 11), where `bias` widens the box by the pad.
+uint meet(Compressed c, Slab slab, uint octinv, float t_min, float t_max, out float t[8]) {
+    vec3 step_ = uintBitsToFloat(c.exponents << 23) * slab.inverse;
+    bvec3 negative = lessThan(slab.inverse, vec3(0.0));
+    vec3 near_bias = fma(c.origin, slab.inverse, mix(slab.lower, slab.upper, negative));
+    vec3 far_bias = fma(c.origin, slab.inverse, mix(slab.upper, slab.lower, negative));
+    uint met = 0;
+    // Four children at a time, a byte each.
+    [[unroll]] for (uint four = 0; four < 2; four++) {
+        uint meta4 = c.meta[four];
+        // Bits 3 and 4 are set of nodes only, whose slots are told plus 24.
+        uint is_inner4 = meta4 & (meta4 << 1) & 0x10101010u;
+        uint inner_mask4 = (is_inner4 >> 4) * 0xffu;
+        uint bit_index4 = (meta4 ^ (octinv * 0x01010101u & inner_mask4)) & 0x1f1f1f1fu;
+        uint child_bits4 = meta4 >> 5 & 0x07070707u;
+        uvec3 lo = uvec3(c.lo[0][four], c.lo[1][four], c.lo[2][four]);
+        uvec3 hi = uvec3(c.hi[0][four], c.hi[1][four], c.hi[2][four]);
+        uvec3 near_lines = mix(lo, hi, negative);
+        uvec3 far_lines = mix(hi, lo, negative);
+        [[unroll]] for (uint k = 0; k < 4; k++) {
+            vec3 near = fma(vec3(near_lines >> (8 * k) & 255), step_, near_bias);
+            vec3 far = fma(vec3(far_lines >> (8 * k) & 255), step_, far_bias);
+            float enters = max(max(near.x, near.y), max(near.z, t_min));
+            float leaves_at = min(min(far.x, far.y), min(far.z, t_max));
+            t[4 * four + k] = enters;
+            if (enters <= leaves_at) {
+                met |= (child_bits4 >> (8 * k) & 255) << (bit_index4 >> (8 * k) & 255);
+            }
+        }
+    }
+    return met;
+}

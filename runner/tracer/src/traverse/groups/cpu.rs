@@ -1,0 +1,130 @@
+//! The plain twin of `closest_hits.glsl`: one ray at a time, so that nothing is ever put off.
+
+use super::Order;
+use crate::{
+    layout::{LeafTriangle, compressed::CompressedNode},
+    traverse::{Counts, Hit, Ray, cpu},
+};
+
+/// Boxes are taken to be wider by this share of the largest coordinate on each side: `PAD` in `node.glsl`.
+const PAD: f32 = 1.5 / 2_097_152.0;
+
+/// `Slab` of `slab.glsl`, its biases by the side that the ray comes to first.
+struct Slab {
+    inverse: [f32; 3],
+    near: [f32; 3],
+    far: [f32; 3],
+}
+
+impl Slab {
+    fn new(ray: &Ray, extent: f32) -> Self {
+        let inverse = ray.direction.map(|d| (if d < 0.0 { -1.0 } else { 1.0 }) / d.abs().max(1e-18));
+        let bias = |k: usize, side: f32| {
+            let wider = ray.origin[k].abs().max(extent) * PAD;
+            -(ray.origin[k] + side * inverse[k].signum() * wider) * inverse[k]
+        };
+        Self {
+            inverse,
+            near: std::array::from_fn(|k| bias(k, 1.0)),
+            far: std::array::from_fn(|k| bias(k, -1.0)),
+        }
+    }
+}
+
+/// `inverse_octant` of `closest_hits.glsl`.
+fn inverse_octant(order: Order, inverse: [f32; 3], first_node: u32) -> u32 {
+    if order == Order::Random {
+        let h = (first_node ^ 61 ^ first_node >> 16).wrapping_mul(9);
+        let h = (h ^ h >> 4).wrapping_mul(0x27d4_eb2d);
+        return (h ^ h >> 15) & 7;
+    }
+    (0..3).map(|k| u32::from(inverse[k] >= 0.0) << k).sum()
+}
+
+/// A group as the kernel keeps it: nodes if a bit above the 23rd is set.
+#[derive(Clone, Copy)]
+struct Group {
+    first: u32,
+    bits: u32,
+}
+
+const NODES: u32 = 0xff00_0000;
+
+/// The nearest hit through compressed nodes; `extent` is the scene's largest absolute coordinate.
+pub fn closest_hit(
+    nodes: &[CompressedNode],
+    triangles: &[LeafTriangle],
+    extent: f32,
+    order: Order,
+    ray: &Ray,
+) -> (Hit, Counts) {
+    let slab = Slab::new(ray, extent);
+    let mut best = Hit { t: ray.t_max.min(f32::MAX), triangle: Hit::MISS };
+    let mut counts = Counts::default();
+    let mut stack = vec![Group { first: 0, bits: 1 << 31 }];
+    while let Some(mut group) = stack.pop() {
+        let octinv = inverse_octant(order, slab.inverse, group.first);
+        let bit = group.bits.ilog2();
+        group.bits ^= 1 << bit;
+        let slot = (bit - 24) ^ octinv;
+        let index = group.first + (group.bits & 255 & ((1 << slot) - 1)).count_ones();
+        if group.bits & NODES != 0 {
+            stack.push(group);
+        }
+        let node = &nodes[index as usize];
+        counts.nodes += 1;
+        counts.boxes += node.meta.iter().filter(|&&meta| meta != 0).count() as u32;
+        let octinv = inverse_octant(order, slab.inverse, node.first_node);
+        let (met, t) = meet(node, &slab, octinv, ray.t_min, best.t);
+        let children = Group { first: node.first_node, bits: met & NODES | u32::from(node.imask) };
+        if order == Order::Distance {
+            let mut alone: Vec<(f32, u32)> = (0..8u32)
+                .map(|slot| (t[slot as usize], 1 << (24 + (slot ^ octinv))))
+                .filter(|(_, bit)| met & bit != 0)
+                .collect();
+            alone.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let imask = u32::from(node.imask);
+            stack.extend(alone.into_iter().map(|(_, bit)| Group { bits: bit | imask, ..children }));
+        } else if children.bits & NODES != 0 {
+            stack.push(children);
+        }
+        for offset in (0..24).filter(|offset| met >> offset & 1 == 1) {
+            let triangle = &triangles[(node.first_triangle + offset) as usize];
+            counts.triangles += 1;
+            if let Some(t) = cpu::intersect(ray, best.t, &triangle.corners()) {
+                best = Hit { t, triangle: triangle.primitive };
+            }
+        }
+    }
+    (if best.triangle == Hit::MISS { Hit::NONE } else { best }, counts)
+}
+
+/// `meet` of `node.glsl`.
+fn meet(node: &CompressedNode, slab: &Slab, octinv: u32, t_min: f32, t_max: f32) -> (u32, [f32; 8]) {
+    let step: [f32; 3] =
+        std::array::from_fn(|k| f32::from_bits(u32::from(node.exponents[k]) << 23) * slab.inverse[k]);
+    let along = |bias: [f32; 3]| -> [f32; 3] {
+        std::array::from_fn(|k| f32::from_bits(node.origin[k]).mul_add(slab.inverse[k], bias[k]))
+    };
+    let (near, far) = (along(slab.near), along(slab.far));
+    let (mut met, mut t) = (0, [0.0; 8]);
+    for (slot, t) in t.iter_mut().enumerate() {
+        let (mut enters, mut leaves) = (t_min, t_max);
+        for k in 0..3 {
+            let (first, second) = match slab.inverse[k] < 0.0 {
+                false => (node.lo[k][slot], node.hi[k][slot]),
+                true => (node.hi[k][slot], node.lo[k][slot]),
+            };
+            enters = enters.max(f32::from(first).mul_add(step[k], near[k]));
+            leaves = leaves.min(f32::from(second).mul_add(step[k], far[k]));
+        }
+        *t = enters;
+        if enters <= leaves {
+            let meta = u32::from(node.meta[slot]);
+            let inner = meta & meta << 1 & 0x10 != 0;
+            let bit = (meta ^ if inner { octinv } else { 0 }) & 31;
+            met |= (meta >> 5) << bit;
+        }
+    }
+    (met, t)
+}
