@@ -3,7 +3,7 @@
 use super::{
     Context, Extent, Group, PART, Reference, Task,
     clip::clip,
-    split::{Bin, Grid, Split, bin_objects, bin_parts, cheapest_of_bins, sweep},
+    split::{Bin, Grid, Side, Split, bin_objects, bin_parts, cheapest_of_bins, sweep},
 };
 use crate::bvh2::Aabb;
 use rayon::prelude::*;
@@ -28,29 +28,30 @@ pub(super) fn divide(
     scratch: &mut Scratch,
 ) -> [Group; 2] {
     let Scratch { bins, after, orders, node, left } = scratch;
-    let (params, scale, group) = (context.params, context.scale, &task.group);
+    let (params, group) = (context.params, &task.group);
     node.clear();
     node.extend_from_slice(&stack[first..]);
     let mut objects = None;
     let mut grid = None;
     if !task.must_halve() {
         if node.len() <= params.sweep as usize {
-            objects = sweep(node, group, scale, orders, bins, after);
+            objects = sweep(context, node, group, orders, bins, after);
         } else {
             let by_centers = Grid::new(group.centers, params.object_bins as usize);
             refill(bins, &by_centers);
             bin_objects(node, &by_centers, bins);
-            objects = cheapest_of_bins(bins, node.len(), scale, after);
+            objects = cheapest_of_bins(context, bins, node.len(), after);
             grid = Some(by_centers);
         }
-        if try_spatial(context, task, objects) {
+        let (least, overlap) = object_split(context, group, objects);
+        if task.spare > 0 && overlap > context.overlap {
             // Finer bins than this are of no use to a few references.
             let bins_wanted = (4 * node.len()).next_power_of_two().min(params.spatial_bins as usize);
             let space = Grid::new(group.bounds, bins_wanted);
             refill(bins, &space);
             bin_parts(context, node, &space, bins);
-            let spatial = cheapest_of_bins(bins, node.len() + task.spare, scale, after);
-            if let Some(split) = spatial.filter(|s| objects.is_none_or(|o| s.cost < o.cost)) {
+            let spatial = cheapest_of_bins(context, bins, node.len() + task.spare, after);
+            if let Some(split) = spatial.filter(|s| s.cost < least) {
                 stack.truncate(first);
                 left.clear();
                 let groups = split_references(context, node, &space, &split, left, stack);
@@ -90,17 +91,18 @@ pub(super) fn divide_in_parallel(
     mut node: Vec<Reference>,
     task: &Task,
 ) -> ([Vec<Reference>; 2], [Group; 2]) {
-    let (params, scale, group) = (context.params, context.scale, &task.group);
+    let (params, group) = (context.params, &task.group);
     let mut after = Vec::new();
     if !task.must_halve() {
         let grid = Grid::new(group.centers, params.object_bins as usize);
         let bins = bin_in_parallel(&node, &grid, |part, bins| bin_objects(part, &grid, bins));
-        let objects = cheapest_of_bins(&bins, node.len(), scale, &mut after);
-        if try_spatial(context, task, objects) {
+        let objects = cheapest_of_bins(context, &bins, node.len(), &mut after);
+        let (least, overlap) = object_split(context, group, objects);
+        if task.spare > 0 && overlap > context.overlap {
             let space = Grid::new(group.bounds, params.spatial_bins as usize);
             let bins = bin_in_parallel(&node, &space, |part, bins| bin_parts(context, part, &space, bins));
-            let spatial = cheapest_of_bins(&bins, node.len() + task.spare, scale, &mut after);
-            if let Some(split) = spatial.filter(|s| objects.is_none_or(|o| s.cost < o.cost)) {
+            let spatial = cheapest_of_bins(context, &bins, node.len() + task.spare, &mut after);
+            if let Some(split) = spatial.filter(|s| s.cost < least) {
                 let divided = share_out(&node, |part, left, right| {
                     split_references(context, part, &space, &split, left, right)
                 });
@@ -124,15 +126,16 @@ fn refill(bins: &mut Vec<Bin>, grid: &Grid) {
     bins.resize(3 * grid.bins, Bin::EMPTY);
 }
 
-/// Whether the children of the best object split overlap so much that a spatial split is worth the search
-/// (paper, section 4.5).
-fn try_spatial(context: &Context<'_>, task: &Task, objects: Option<Split>) -> bool {
-    let overlap = match objects {
-        Some(split) => split.overlap(context.scale),
-        // What cannot be told apart by centres overlaps.
-        None => task.group.bounds.half_area(context.scale),
-    };
-    task.spare > 0 && overlap > context.overlap
+/// What the best object split costs, and how much its children overlap; where centres tell nothing apart,
+/// the same of two halves with the whole node's box.
+fn object_split(context: &Context<'_>, group: &Group, found: Option<Split>) -> (f32, f32) {
+    match found {
+        Some(split) => (split.cost, split.overlap(context.scale)),
+        None => {
+            let half = Side { extent: group.bounds, count: (group.count / 2) as u32 };
+            (2.0 * half.cost(context), group.bounds.half_area(context.scale))
+        }
+    }
 }
 
 fn bin_in_parallel(
@@ -205,7 +208,6 @@ fn split_references(
     right: &mut Vec<Reference>,
 ) -> [Group; 2] {
     let Split { axis, bin, mut sides, .. } = *split;
-    let scale = context.scale;
     let plane = grid.plane(axis, bin);
     let mut groups = [Group::EMPTY; 2];
     let mut put = |side: usize, reference: Reference| {
@@ -222,15 +224,16 @@ fn split_references(
             put(1, reference);
             continue;
         }
-        let cut = sides[0].cost(scale) + sides[1].cost(scale);
+        let cost = |sides: [Side; 2]| sides[0].cost(context) + sides[1].cost(context);
         let whole = [0, 1].map(|side: usize| {
-            let grown = sides[side].extent.union(extent).half_area(scale) * sides[side].count as f32;
-            grown + sides[1 - side].extent.half_area(scale) * sides[1 - side].count.saturating_sub(1) as f32
+            let mut whole = sides;
+            whole[side].extent = whole[side].extent.union(extent);
+            whole[1 - side].count = whole[1 - side].count.saturating_sub(1);
+            (cost(whole), side, whole)
         });
-        let side = usize::from(whole[1] < whole[0]);
-        if whole[side] < cut {
-            sides[side].extent = sides[side].extent.union(extent);
-            sides[1 - side].count = sides[1 - side].count.saturating_sub(1);
+        let (least, side, whole) = if whole[1].0 < whole[0].0 { whole[1] } else { whole[0] };
+        if least < cost(sides) {
+            sides = whole;
             put(side, reference);
             continue;
         }

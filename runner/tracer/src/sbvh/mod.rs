@@ -32,6 +32,7 @@
 //! over it are of integers, or least and greatest coordinates.
 
 mod assemble;
+pub mod cache;
 mod clip;
 mod divide;
 mod split;
@@ -160,6 +161,20 @@ struct Context<'a> {
     scale: f32,
     /// Scaled half area of an overlap above which spatial splits are tried.
     overlap: f32,
+    /// [`Context::weight`] of few references.
+    weights: Vec<f32>,
+}
+
+impl Context<'_> {
+    /// What a subtree over so many references is expected to cost for each unit of its box's area.
+    fn weight(&self, count: u32) -> f32 {
+        self.weights.get(count as usize).copied().unwrap_or_else(|| weight(count))
+    }
+}
+
+/// [`Context::weight`], computed.
+fn weight(count: u32) -> f32 {
+    if count == 0 { 0.0 } else { (count as f32).powf(0.9) - 0.5 }
 }
 
 /// A node to be divided.
@@ -225,7 +240,8 @@ pub fn build(triangles: &[Triangle], params: &SbvhParams) -> Bvh2 {
     };
     let scale = bounds.scale();
     let overlap = params.alpha * group.bounds.half_area(scale);
-    let context = Context { triangles, params, scale, overlap };
+    let context =
+        Context { triangles, params, scale, overlap, weights: (0..PART as u32).map(weight).collect() };
     let spare = ((f64::from(params.budget) * n as f64) as usize).min(MAX_TRIANGLES - n);
     assemble(large(&context, references, Task { group, depth: 0, spare }))
 }

@@ -70,8 +70,8 @@ pub(super) struct Side {
 }
 
 impl Side {
-    pub fn cost(&self, scale: f32) -> f32 {
-        self.extent.half_area(scale) * self.count as f32
+    pub fn cost(&self, context: &Context<'_>) -> f32 {
+        self.extent.half_area(context.scale) * context.weight(self.count)
     }
 }
 
@@ -81,7 +81,7 @@ pub(super) struct Split {
     pub axis: usize,
     /// The first bin on the right.
     pub bin: usize,
-    /// area(left) n(left) + area(right) n(right), half areas and scaled.
+    /// The sum over both sides of their scaled half area times [`Context::weight`] of their references.
     pub cost: f32,
     pub sides: [Side; 2],
 }
@@ -97,10 +97,10 @@ impl Split {
 /// The cheapest split between the bins of one axis, with at most `most` references on both sides together.
 /// Of equally cheap ones that which divides the references most evenly. `after` is working memory.
 pub(super) fn cheapest(
+    context: &Context<'_>,
     axis: usize,
     bins: &[Bin],
     most: usize,
-    scale: f32,
     after: &mut Vec<(f32, u32)>,
 ) -> Option<Split> {
     after.clear();
@@ -108,7 +108,7 @@ pub(super) fn cheapest(
     let mut side = Side { extent: Extent::EMPTY, count: 0 };
     for i in (1..bins.len()).rev() {
         side = Side { extent: side.extent.union(bins[i].extent), count: side.count + bins[i].leave };
-        after[i] = (side.cost(scale), side.count);
+        after[i] = (side.cost(context), side.count);
     }
     let mut best: Option<(f32, u32, usize, Side)> = None;
     let mut side = Side { extent: Extent::EMPTY, count: 0 };
@@ -118,7 +118,7 @@ pub(super) fn cheapest(
         if side.count == 0 || other == 0 || (side.count + other) as usize > most {
             continue;
         }
-        let cost = side.cost(scale) + other_cost;
+        let cost = side.cost(context) + other_cost;
         let uneven = side.count.abs_diff(other);
         let better = match best {
             None => cost < f32::INFINITY,
@@ -136,13 +136,13 @@ pub(super) fn cheapest(
 
 /// The cheapest split between bins of any axis; those of x come first, then y, then z.
 pub(super) fn cheapest_of_bins(
+    context: &Context<'_>,
     bins: &[Bin],
     most: usize,
-    scale: f32,
     after: &mut Vec<(f32, u32)>,
 ) -> Option<Split> {
     let rows = bins.chunks_exact(bins.len() / 3).enumerate();
-    rows.filter_map(|(axis, row)| cheapest(axis, row, most, scale, after)).reduce(cheaper)
+    rows.filter_map(|(axis, row)| cheapest(context, axis, row, most, after)).reduce(cheaper)
 }
 
 /// The first unless the second is cheaper.
@@ -214,9 +214,9 @@ fn cut(triangle: &Triangle, axis: usize, plane: f32) -> [Extent; 2] {
 /// The object split found by sweeping a few references along each axis. `orders` receives their order along
 /// each axis, as numbers whose lower half is the reference's place.
 pub(super) fn sweep(
+    context: &Context<'_>,
     references: &[Reference],
     group: &Group,
-    scale: f32,
     orders: &mut [Vec<u64>; 3],
     bins: &mut Vec<Bin>,
     after: &mut Vec<(f32, u32)>,
@@ -234,7 +234,7 @@ pub(super) fn sweep(
         order.sort_unstable();
         bins.clear();
         bins.extend(order.iter().map(|&key| Bin::of(Extent::of(&references[key as u32 as usize]))));
-        let found = cheapest(axis, bins, references.len(), scale, after);
+        let found = cheapest(context, axis, bins, references.len(), after);
         best = [best, found].into_iter().flatten().reduce(cheaper);
     }
     best
