@@ -12,6 +12,7 @@ pub mod morton;
 pub mod path;
 pub mod permutations;
 pub mod ploc;
+pub mod sbvh;
 pub mod scene;
 pub mod sort;
 pub mod traverse;

@@ -300,7 +300,12 @@ fn read_model(path: &Path, report: &mut LoadReport) -> Result<(Geometry, String)
 }
 
 fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+    hex(&Sha256::digest(bytes))
+}
+
+/// In lower-case hexadecimal.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Makes materials emit as the descriptor says. Where only part of a material emits, that part becomes

@@ -1,7 +1,7 @@
 //! Invariants of every tree and layout, checked on the CPU.
 
 use crate::{
-    bvh2::{Aabb, Bvh2, LEAF, Triangle},
+    bvh2::{Aabb, Bvh2, LEAF, MAX_LEVELS, Triangle},
     collapse::Subtree,
     contract::WideBvh,
     layout::{LeafTriangle, NodeLayout, Target, children},
@@ -28,22 +28,94 @@ macro_rules! require {
 pub fn bvh2(tree: &Bvh2, triangles: &[Triangle]) -> Result<(), Invalid> {
     let n = triangles.len();
     require!(tree.leaves == n, "{} leaves for {n} triangles", tree.leaves);
-    require!(tree.nodes.len() == 2 * n - 1, "{} nodes for {n} triangles", tree.nodes.len());
-    let mut end = n as u32;
+    links(tree, n)?;
+    let mut seen = vec![false; n];
+    for (i, node) in tree.nodes[..n].iter().enumerate() {
+        let primitive = node.left as usize;
+        require!(!seen[primitive], "triangle {primitive} is in two leaves");
+        seen[primitive] = true;
+        require!(node.bounds() == Aabb::of(&triangles[primitive]), "leaf {i} has another triangle's box");
+    }
+    unions(tree)
+}
+
+/// Checks a binary tree whose leaves are around parts of triangles ([`crate::sbvh`]): every triangle is in
+/// at least one leaf, a leaf's box lies in its triangle's box, the leaves' boxes together cover their
+/// triangle; and the rest as in [`bvh2`].
+///
+/// That they cover it is tried out: with points spread over the triangle, and, since a gap would begin at
+/// the side of a box, with those where its edges meet the planes of the boxes' sides.
+///
+/// # Errors
+/// The first violation found.
+pub fn references(tree: &Bvh2, triangles: &[Triangle]) -> Result<(), Invalid> {
+    let n = triangles.len();
+    links(tree, n)?;
+    let mut boxes: Vec<Vec<Aabb>> = vec![Vec::new(); n];
+    for (i, node) in tree.nodes[..tree.leaves].iter().enumerate() {
+        let (primitive, bounds) = (node.left as usize, node.bounds());
+        require!(!bounds.is_empty(), "the box of leaf {i} is empty");
+        let inside = Aabb::of(&triangles[primitive]).contains(&bounds);
+        require!(inside, "leaf {i} sticks out of the box of triangle {primitive}");
+        boxes[primitive].push(bounds);
+    }
+    for (primitive, (boxes, triangle)) in boxes.iter().zip(triangles).enumerate() {
+        require!(!boxes.is_empty(), "triangle {primitive} is in no leaf");
+        if let Some(point) = uncovered(boxes, triangle) {
+            return Err(Invalid(format!("no leaf of triangle {primitive} covers its point {point:?}")));
+        }
+    }
+    unions(tree)
+}
+
+/// A point of the triangle that is in none of the boxes.
+fn uncovered(boxes: &[Aabb], triangle: &Triangle) -> Option<[f64; 3]> {
+    const STEPS: u32 = 6;
+    let corners = triangle.map(|p| p.map(f64::from));
+    let [a, b, c] = corners;
+    // Points are rounded, and may lie beside their triangle by that much.
+    let error = corners.as_flattened().iter().fold(0.0f64, |m, x| m.max(x.abs())) * f64::EPSILON * 8.0;
+    let inside = |p: &[f64; 3]| {
+        let within =
+            |b: &Aabb, k: usize| f64::from(b.lo[k]) - error <= p[k] && p[k] <= f64::from(b.hi[k]) + error;
+        boxes.iter().any(|b| (0..3).all(|k| within(b, k)))
+    };
+    let spread = (0..=STEPS).flat_map(|i| (0..=STEPS - i).map(move |j| (i, j))).map(|(i, j)| {
+        let [u, v, w] = [i, j, STEPS - i - j].map(|x| f64::from(x) / f64::from(STEPS));
+        std::array::from_fn(|k| u * a[k] + v * b[k] + w * c[k])
+    });
+    let planes = boxes.iter().flat_map(|b| (0..3).flat_map(|k| [(k, b.lo[k]), (k, b.hi[k])]));
+    let meeting = planes.flat_map(|(axis, plane)| {
+        [(a, b), (b, c), (c, a)].into_iter().filter_map(move |(from, to)| {
+            let t = (f64::from(plane) - from[axis]) / (to[axis] - from[axis]);
+            (0.0..=1.0).contains(&t).then(|| std::array::from_fn(|k| from[k] + t * (to[k] - from[k])))
+        })
+    });
+    spread.chain(meeting).find(|p| !inside(p))
+}
+
+/// Checks all of a binary tree but its boxes: how many nodes and levels there are, that leaves hold one of
+/// `triangles` triangles, and that every node but the root has one parent in a later level.
+///
+/// # Errors
+/// The first violation found.
+pub(crate) fn links(tree: &Bvh2, triangles: usize) -> Result<(), Invalid> {
+    let leaves = tree.leaves;
+    require!(
+        leaves > 0 && tree.nodes.len() == 2 * leaves - 1,
+        "{} nodes for {leaves} leaves",
+        tree.nodes.len()
+    );
+    require!(tree.levels.len() <= MAX_LEVELS, "{} levels", tree.levels.len());
+    let mut end = leaves as u32;
     for (k, level) in tree.levels.iter().enumerate() {
         require!(level.start == end && level.end >= end, "level {k} is {level:?}, after {end}");
         end = level.end;
     }
     require!(end as usize == tree.nodes.len(), "levels end at node {end} of {}", tree.nodes.len());
-
-    let mut seen = vec![false; n];
-    for (i, node) in tree.nodes[..n].iter().enumerate() {
+    for (i, node) in tree.nodes[..leaves].iter().enumerate() {
         require!(node.right == LEAF, "leaf {i} is not marked as one");
-        let primitive = node.left as usize;
-        require!(primitive < n, "leaf {i} holds triangle {primitive} of {n}");
-        require!(!seen[primitive], "triangle {primitive} is in two leaves");
-        seen[primitive] = true;
-        require!(node.bounds() == Aabb::of(&triangles[primitive]), "leaf {i} has another triangle's box");
+        require!((node.left as usize) < triangles, "leaf {i} holds triangle {} of {triangles}", node.left);
     }
     let mut has_parent = vec![false; tree.nodes.len()];
     for (k, level) in tree.levels.iter().enumerate() {
@@ -54,12 +126,19 @@ pub fn bvh2(tree: &Bvh2, triangles: &[Triangle]) -> Result<(), Invalid> {
                 require!(!has_parent[child as usize], "node {child} has two parents");
                 has_parent[child as usize] = true;
             }
-            let [l, r] = [node.left, node.right].map(|c| tree.nodes[c as usize].bounds());
-            require!(node.bounds() == l.union(&r), "the box of node {i} is not that of its children");
         }
     }
     let orphans = has_parent.iter().filter(|p| !**p).count();
     require!(orphans == 1 && !has_parent[tree.nodes.len() - 1], "{orphans} nodes have no parent");
+    Ok(())
+}
+
+/// Checks that an inner node's box is that of its children. All links are right.
+fn unions(tree: &Bvh2) -> Result<(), Invalid> {
+    for (i, node) in tree.nodes.iter().enumerate().skip(tree.leaves) {
+        let [l, r] = [node.left, node.right].map(|c| tree.nodes[c as usize].bounds());
+        require!(node.bounds() == l.union(&r), "the box of node {i} is not that of its children");
+    }
     Ok(())
 }
 
@@ -226,6 +305,7 @@ mod tests {
             binary::{self, Binary, BinaryNode},
         },
         ploc::{self, PlocParams},
+        sbvh::{self, SbvhParams},
     };
 
     fn strip(n: usize) -> Vec<Triangle> {
@@ -253,6 +333,46 @@ mod tests {
         assert!(damage(|t| t.nodes[25].hi[0] += 1.0).contains("the box of node 25"));
         assert!(damage(|t| t.nodes[20].left = 38).contains("has child"));
         assert!(damage(|t| t.levels.truncate(1)).contains("levels end"));
+    }
+
+    #[test]
+    fn a_sound_tree_of_references_passes_and_each_kind_of_damage_is_found() {
+        // Long crossing slivers, which are cut.
+        let triangles: Vec<Triangle> = (0..20)
+            .map(|i| {
+                let (x, y) = (i as f32, (i * 7 % 20) as f32);
+                [[x, 0.0, 0.0], [20.0 - x, 20.0, y], [x + 0.5, 0.0, 0.0]]
+            })
+            .collect();
+        let sound = sbvh::build(&triangles, &SbvhParams::default());
+        let r = sound.leaves;
+        assert!(r > triangles.len());
+        assert_eq!(references(&sound, &triangles), Ok(()));
+        let damage = |f: &dyn Fn(&mut Bvh2)| {
+            let mut tree = sound.clone();
+            f(&mut tree);
+            references(&tree, &triangles).unwrap_err().0
+        };
+        assert!(damage(&|t| t.nodes[1].left = 20).contains("triangle 20 of 20"));
+        assert!(damage(&|t| t.nodes[0].hi[1] = 21.0).contains("sticks out"));
+        assert!(damage(&|t| t.nodes[0].hi[0] = -1.0).contains("is empty"));
+        assert!(damage(&|t| t.nodes[r].left = t.nodes[r].right).contains("two parents"));
+        assert!(damage(&|t| t.nodes[r].left = r as u32).contains("has child"));
+        assert!(damage(&|t| t.nodes[r].lo[0] -= 1.0).contains("is not that of its children"));
+        assert!(damage(&|t| t.levels.truncate(1)).contains("levels end"));
+        assert!(damage(&|t| t.nodes.truncate(3)).contains("3 nodes"));
+        // Each leaf in turn loses a little of its longest side, or its triangle.
+        for leaf in 0..r {
+            let e: [f32; 3] = std::array::from_fn(|k| sound.nodes[leaf].hi[k] - sound.nodes[leaf].lo[k]);
+            let axis = (0..3).max_by(|&a, &b| e[a].total_cmp(&e[b])).unwrap();
+            let lost = damage(&|t| t.nodes[leaf].hi[axis] -= 0.05 * e[axis]);
+            assert!(lost.contains("covers"), "{lost}");
+        }
+        let triangles = strip(4);
+        let sound = sbvh::build(&triangles, &SbvhParams::default());
+        let mut tree = sound.clone();
+        tree.nodes[0] = tree.nodes[1];
+        assert!(references(&tree, &triangles).unwrap_err().0.contains("in no leaf"));
     }
 
     #[test]
