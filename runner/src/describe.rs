@@ -13,6 +13,7 @@ use tracer::{
 pub fn repetition(report: &BuildReport) -> Repetition {
     let took = &report.milliseconds;
     let phases = [
+        ("sbvh", took.sbvh),
         ("morton", took.morton),
         ("sort", took.sort),
         ("ploc", took.ploc),

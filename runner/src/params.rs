@@ -17,6 +17,10 @@ use crate::variant::Variant;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Params {
+    /// Where the binary tree comes from.
+    pub build: Build,
+    /// Splits in space, where it comes from the CPU.
+    pub sbvh: tracer::sbvh::SbvhParams,
     /// Morton codes.
     pub morton: tracer::morton::MortonParams,
     /// Clustering.
@@ -39,6 +43,14 @@ pub struct Params {
     pub glsl: Technique,
     /// What is done differently in Slang.
     pub slang: Technique,
+}
+
+/// Where the binary tree comes from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Build {
+    /// `ploc` on the device, or `sbvh` on the CPU.
+    pub method: tracer::builder::Method,
 }
 
 /// The order in which the children of a compressed node are visited.
@@ -115,6 +127,7 @@ impl Params {
         let Contract { by_area, by_view, alpha, form, c_node, c_prim, p_max } = self.contract;
         let method = if variant.by_view { by_view } else { by_area };
         BuildParams {
+            method: self.build.method,
             morton: self.morton.clone(),
             ploc: self.ploc.clone(),
             collapse: self.collapse.clone(),
@@ -206,6 +219,11 @@ impl Params {
             ("trace.primary_vote", f64::from(self.trace.primary_vote), 0.0..=32.0),
             ("trace.secondary_vote", f64::from(self.trace.secondary_vote), 0.0..=32.0),
             ("trace.stack", f64::from(self.trace.stack), 1.0..=4096.0),
+            ("sbvh.alpha", f64::from(self.sbvh.alpha), 0.0..=1e6),
+            ("sbvh.object_bins", f64::from(self.sbvh.object_bins), 2.0..=256.0),
+            ("sbvh.spatial_bins", f64::from(self.sbvh.spatial_bins), 2.0..=256.0),
+            ("sbvh.sweep", f64::from(self.sbvh.sweep), 0.0..=4096.0),
+            ("sbvh.budget", f64::from(self.sbvh.budget), 0.0..=16.0),
             ("layout.bits", f64::from(self.layout.bits), 4.0..=8.0),
             ("groups.n_w", f64::from(self.groups.n_w), 0.0..=1e6),
             ("groups.n_d", f64::from(self.groups.n_d), 0.0..=32.0),

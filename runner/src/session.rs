@@ -4,10 +4,13 @@ use crate::{
     args::{self, Global},
     params::Params,
     progress::remark,
+    table::thousands,
     variant::Variant,
 };
 use anyhow::{Context, bail};
 use std::{
+    cell::RefCell,
+    rc::Rc,
     sync::{
         Arc, OnceLock,
         atomic::{AtomicBool, Ordering},
@@ -15,12 +18,17 @@ use std::{
     time::{Duration, Instant},
 };
 use tracer::{
-    builder::{BuildReport, BuildWorkspace, Builder, Summary, WideWorkspace, Widen},
+    builder::{BuildReport, BuildWorkspace, Builder, Method, Summary, WideWorkspace, Widen},
+    bvh2::Bvh2,
     contract::{VisitCounter, Visits},
     gpu::{Buffer, Gpu, Options, Pass},
     layout::Layout,
     measure::tree::{TreeStats, stats},
     path::{Camera, DeviceScene, PathTracer},
+    sbvh::{
+        SbvhParams,
+        cache::{self, Built},
+    },
     scene::{self, Scene, SearchPath},
     traverse::{Buffers, Counting, Hit, Queue, Ray, Traversal, Tree, Wave},
     with_layout,
@@ -37,9 +45,68 @@ pub struct Session {
 pub struct Loaded {
     pub scene: Scene,
     pub device: DeviceScene,
+    /// The binary tree that the CPU last made of it, and what it took.
+    split: RefCell<Option<Rc<Split>>>,
+}
+
+/// A binary tree with spatial splits.
+pub struct Split {
+    params: SbvhParams,
+    /// The tree.
+    pub tree: Bvh2,
+    /// What building it took, in milliseconds.
+    milliseconds: f64,
 }
 
 impl Loaded {
+    /// The binary tree with spatial splits: the last one, or from disk, or built now.
+    pub fn split(&self, params: &SbvhParams, quiet: bool) -> Rc<Split> {
+        if let Some(split) = self.split.borrow().as_ref().filter(|split| split.params == *params) {
+            return split.clone();
+        }
+        let folder = cache::default_folder();
+        let (tree, built) = cache::load_or_build(&self.scene.positions, params, folder.as_deref());
+        for note in &built.notes {
+            remark(quiet, format_args!("{}: {note}", self.scene.name));
+        }
+        let Built { cached, seconds, .. } = built;
+        let (leaves, triangles) = (tree.leaves as u64, self.scene.positions.len() as u64);
+        let when = if cached { "kept from before, when it took" } else { "built in" };
+        remark(
+            quiet,
+            format_args!(
+                "{}: a tree of {} references to {} triangles, {when} {seconds:.2} s",
+                self.scene.name,
+                thousands(leaves),
+                thousands(triangles)
+            ),
+        );
+        let split = Rc::new(Split { params: params.clone(), tree, milliseconds: 1e3 * seconds });
+        *self.split.borrow_mut() = Some(split.clone());
+        split
+    }
+
+    /// Memory for builds of the scene, with the binary tree in it where that comes from the CPU.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn workspace(
+        &self,
+        session: &Session,
+        params: &Params,
+        builder: &Builder,
+    ) -> anyhow::Result<BuildWorkspace> {
+        match params.build.method {
+            Method::Ploc => Ok(builder.workspace(self.device.triangles)?),
+            Method::Sbvh => {
+                let split = self.split(&params.sbvh, session.quiet);
+                let workspace = builder.workspace(split.tree.leaves)?;
+                workspace.adopt(&session.gpu, &split.tree, self.device.triangles, split.milliseconds)?;
+                Ok(workspace)
+            }
+        }
+    }
+
     /// The views that a list names, or all.
     ///
     /// # Errors
@@ -136,7 +203,7 @@ impl Seedling {
     }
 
     fn widen(&self, loaded: &Loaded, sampling_milliseconds: f64) -> anyhow::Result<Grown> {
-        let Loaded { device, scene } = loaded;
+        let Loaded { device, scene, .. } = loaded;
         let visits = Visits { counts: &self.visits.by_inner, threshold: self.params.cbtc.threshold };
         let build = self
             .widen
@@ -261,7 +328,7 @@ impl Session {
         }
         let device =
             DeviceScene::upload(&self.gpu, &scene).with_context(|| format!("scene {}", scene.name))?;
-        Ok(Loaded { scene, device })
+        Ok(Loaded { scene, device, split: RefCell::default() })
     }
 
     /// Makes a variant's first build `repetitions` times in the same memory and keeps the last; `each` sees
@@ -287,7 +354,7 @@ impl Session {
             ..variant
         };
         let builder = Builder::new(&self.gpu, &params.build(first), first.layout).with_context(context)?;
-        let workspace = builder.workspace(count).with_context(context)?;
+        let workspace = loaded.workspace(self, params, &builder).with_context(context)?;
         let build =
             || builder.build(&workspace, &loaded.device.positions, count, false).with_context(context);
         if let Some(time) = warm_up {
@@ -316,8 +383,8 @@ impl Session {
             variant,
             params: params.clone(),
             sampler: self.traversal(&tree, variant, params, Counting::Visits)?,
-            visits: VisitCounter::new(&self.gpu, count).with_context(context)?,
-            wide: widen.workspace(count).with_context(context)?,
+            visits: VisitCounter::new(&self.gpu, workspace.leaves()).with_context(context)?,
+            wide: widen.workspace(workspace.leaves()).with_context(context)?,
             widen,
             workspace,
             tree,

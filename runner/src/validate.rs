@@ -12,8 +12,8 @@ use anyhow::{Context, bail};
 use rayon::prelude::*;
 use std::fmt::Display;
 use tracer::{
-    builder::{BuildParams, Builder, Widen},
-    bvh2::Triangle,
+    builder::{BuildParams, Builder, Method, Widen},
+    bvh2::{Aabb, Triangle},
     collapse, contract,
     gpu::Pass,
     layout::{self, Layout, LeafTriangle},
@@ -109,22 +109,29 @@ fn check(
 
     // The binary tree in its own layout: what the variant is held against, and what sample rays go through.
     let binary = Builder::new(gpu, &params.build(Variant::BINARY), Layout::Binary)?;
-    let workspace = binary.workspace(count)?;
+    let workspace = loaded.workspace(session, params, &binary)?;
     let report = binary.build(&workspace, &loaded.device.positions, count, false)?;
     let reference = workspace.wide.tree(&report.summary, extent);
 
-    let tree = workspace.read_tree(count)?;
+    let tree = workspace.read_tree()?;
     let scale = workspace.read_bounds()?.scale();
-    let sound = validate::bvh2(&tree, triangles).map_err(|e| e.to_string());
+    // Of a tree with spatial splits, leaves are parts of triangles.
+    let split = params.build.method == Method::Sbvh;
+    let sound = if split { validate::references } else { validate::bvh2 };
+    let sound = sound(&tree, triangles).map_err(|e| e.to_string());
     checks.report(
         "binary tree",
         "",
         sound.map(|()| {
             let nodes = thousands(tree.nodes.len() as u64);
-            format!("{nodes} nodes: each triangle in one leaf, each node with one parent, boxes exact")
+            let leaves = match split {
+                true => format!("its {} leaves cover the triangles", thousands(tree.leaves as u64)),
+                false => "each triangle in one leaf".into(),
+            };
+            format!("{nodes} nodes: {leaves}, each node with one parent, boxes exact")
         }),
     )?;
-    let subtrees = workspace.read_subtrees(count)?;
+    let subtrees = workspace.read_subtrees()?;
     checks.report(
         "collapse",
         "",
@@ -159,8 +166,9 @@ fn check(
 
     let BuildParams { contract: contracted, layout: stored_as, .. } = params.build(variant);
     let widen = Widen::new(gpu, &params.build(variant), variant.layout)?;
-    let wide = widen.workspace(count)?;
-    let visits = contract::VisitCounter::new(gpu, count)?;
+    let leaves = workspace.leaves();
+    let wide = widen.workspace(leaves)?;
+    let visits = contract::VisitCounter::new(gpu, leaves)?;
     let sampler = session.traversal(&reference, variant, params, Counting::Visits)?;
     // A variant that goes by view has a tree for each; the others have one for all.
     let own_views = if variant.by_view { cameras.len() } else { 1 };
@@ -170,7 +178,7 @@ fn check(
             let (tree, sampling) = (&reference, &params.cbtc);
             tracer.sample_visits(&sampler, tree, &cameras[view], sampling, &workspace, &visits)?;
             let threshold = sampling.threshold;
-            Some((visits.by_inner.read(0, count.max(2) - 1)?, threshold))
+            Some((visits.by_inner.read(0, leaves.max(2) - 1)?, threshold))
         } else {
             None
         };
@@ -203,14 +211,17 @@ fn check(
         )?;
         let found = with_layout!(variant.layout, L => {
             let stored = wide.read_nodes::<L>(summary.nodes as usize)?;
-            let leaves: Vec<LeafTriangle> = wide.stored.triangles.read(0, count)?;
+            let leaves: Vec<LeafTriangle> = wide.stored.triangles.read(0, leaves)?;
+            let bounds = |leaf: u32| tree.nodes[leaf as usize].bounds();
+            let parts: Option<Vec<Aabb>> =
+                split.then(|| layout::cpu::places(&made, &tree).into_iter().map(bounds).collect());
             let same = {
                 let (nodes, order) = layout::cpu::encode::<L>(&made, &tree, triangles, &stored_as);
                 bytemuck::cast_slice::<_, u8>(&nodes) == bytemuck::cast_slice::<_, u8>(&stored)
                     && order == leaves
             };
             require(same, "not the bytes that the CPU writes").and_then(|()| {
-                validate::layout::<L>(&stored, &leaves, triangles).map_err(|e| e.to_string())
+                validate::layout::<L>(&stored, &leaves, triangles, parts.as_deref()).map_err(|e| e.to_string())
             })
         });
         let bytes = variant.layout.node_bytes();
@@ -220,8 +231,8 @@ fn check(
             found.map(|depth| {
                 format!(
                     "{nodes} nodes of {bytes} bytes, {depth} deep, as the CPU writes them; boxes contain all \
-                     below them, {} triangles in one leaf each",
-                    thousands(count as u64)
+                     below them, {} triangles in leaves",
+                    thousands(leaves as u64)
                 )
             }),
         )?;

@@ -7,6 +7,9 @@
 //!
 //! Everything is recorded into one submission, and nothing is read back before its end: how many
 //! iterations the clustering takes, and how large each is, only the GPU knows.
+//!
+//! A binary tree can also come from elsewhere, such as [`crate::sbvh`]: then [`BuildWorkspace::adopt`] takes the place
+//! of everything before the collapse.
 
 use crate::{
     bvh2::{Bvh2, Bvh2Buffers, LevelsHeader, MAX_LEVELS, MAX_TRIANGLES},
@@ -29,6 +32,8 @@ use std::{cell::Cell, ops::Range};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BuildParams {
+    /// Where the binary tree comes from.
+    pub method: Method,
     /// The curve that triangles are sorted along.
     pub morton: MortonParams,
     /// The clustering.
@@ -39,6 +44,17 @@ pub struct BuildParams {
     pub contract: ContractParams,
     /// How nodes are stored.
     pub layout: LayoutParams,
+}
+
+/// Where the binary tree comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// Parallel locally-ordered clustering on the device: [`crate::ploc`].
+    #[default]
+    Ploc,
+    /// Spatial splits, on the CPU: [`crate::sbvh`]. Better, and slower to build.
+    Sbvh,
 }
 
 /// Why a build was refused or failed.
@@ -72,6 +88,8 @@ pub enum BuildError {
 /// What a build took on the device, in milliseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BuildMilliseconds {
+    /// Splitting in space, on the CPU; nothing where the tree is built on the device.
+    pub sbvh: f64,
     /// Scene bounds and Morton codes.
     pub morton: f64,
     /// Sorting the codes.
@@ -84,21 +102,22 @@ pub struct BuildMilliseconds {
     pub contract: f64,
     /// Writing nodes and triangles in their layout.
     pub layout: f64,
-    /// From the first dispatch to the end of the last.
+    /// From the first dispatch to the end of the last, and what was done on the CPU before.
     pub total: f64,
 }
 
 impl BuildMilliseconds {
-    fn of(timings: &Timings) -> Self {
+    fn of(timings: &Timings, sbvh: f64) -> Self {
         let under = |name: &str| timings.milliseconds(&format!("build/{name}"));
         Self {
+            sbvh,
             morton: under("morton"),
             sort: under("sort"),
             ploc: under("ploc"),
             collapse: under("collapse"),
             contract: under("contract"),
             layout: under("layout"),
-            total: timings.milliseconds("build"),
+            total: sbvh + timings.milliseconds("build"),
         }
     }
 }
@@ -109,22 +128,27 @@ pub struct Builder {
     gpu: Gpu,
     params: BuildParams,
     morton: Morton,
-    sort: Sort,
-    ploc: Ploc,
+    clustering: Option<Clustering>,
     collapse: Collapse,
     widen: Widen,
+}
+
+/// The kernels that make the binary tree on the device.
+#[derive(Debug)]
+struct Clustering {
+    sort: Sort,
+    ploc: Ploc,
 }
 
 /// Device memory for builds of up to so many triangles, so that a build itself allocates nothing.
 #[derive(Debug)]
 pub struct BuildWorkspace {
     capacity: usize,
-    /// Triangles of the last build, and what it needed.
-    last: Cell<Option<(usize, Dispatches)>>,
+    /// Of the last build.
+    last: Cell<Option<Last>>,
     bounds: Buffer,
-    sort: SortBuffers,
     tree: Bvh2Buffers,
-    ploc: PlocBuffers,
+    clustering: Option<(SortBuffers, PlocBuffers)>,
     subtrees: Buffer,
     /// The wide tree, its nodes and its triangles.
     pub wide: WideWorkspace,
@@ -184,6 +208,19 @@ struct Source<'a> {
     large: u32,
 }
 
+/// What is known of a binary tree.
+#[derive(Clone, Copy, Debug)]
+struct Last {
+    /// Triangles that it was made of.
+    triangles: usize,
+    /// Its leaves: more, where triangles were split.
+    leaves: usize,
+    /// What it needed.
+    dispatches: Dispatches,
+    /// What was done on the CPU took so long.
+    milliseconds: f64,
+}
+
 /// How many dispatches to record where only the GPU knows how many there is work for.
 #[derive(Clone, Copy, Debug)]
 struct Dispatches {
@@ -230,12 +267,15 @@ impl Builder {
     /// first, see [`Widen`].
     pub fn new(gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Self, BuildError> {
         assert!(!params.contract.method.by_view(), "{} needs a tree and visits", params.contract.method);
+        let clustering = || {
+            let (sort, ploc) = (Sort::new(gpu, params.morton.words())?, Ploc::new(gpu, &params.ploc)?);
+            Ok::<_, Error>(Clustering { sort, ploc })
+        };
         Ok(Self {
             gpu: gpu.clone(),
             params: params.clone(),
             morton: Morton::new(gpu, &params.morton)?,
-            sort: Sort::new(gpu, params.morton.words())?,
-            ploc: Ploc::new(gpu, &params.ploc)?,
+            clustering: (params.method == Method::Ploc).then(clustering).transpose()?,
             collapse: Collapse::new(gpu, &params.collapse)?,
             widen: Widen::new(gpu, params, layout)?,
         })
@@ -247,11 +287,15 @@ impl Builder {
     }
 
     /// The clustering, whose block sizes tests go around.
+    ///
+    /// # Panics
+    /// The tree is not built on the device.
     pub fn ploc(&self) -> &Ploc {
-        &self.ploc
+        &self.clustering.as_ref().expect("the tree is clustered").ploc
     }
 
-    /// Allocates for scenes of up to `capacity` triangles; about 400 bytes each.
+    /// Allocates for trees of up to `capacity` leaves; about 400 bytes each. Where triangles are not split, they are as
+    /// many as the leaves.
     ///
     /// # Errors
     /// No triangles, too many, or too little memory.
@@ -262,15 +306,20 @@ impl Builder {
             capacity,
             last: Cell::new(None),
             bounds: gpu.buffer("scene bounds", BOUNDS_BYTES)?,
-            sort: self.sort.buffers(gpu, capacity, self.params.morton.words())?,
             tree: Bvh2Buffers::new(gpu, capacity)?,
-            ploc: self.ploc.buffers(gpu, capacity)?,
+            clustering: (self.clustering.as_ref())
+                .map(|Clustering { sort, ploc }| {
+                    let sorted = sort.buffers(gpu, capacity, self.params.morton.words())?;
+                    Ok::<_, Error>((sorted, ploc.buffers(gpu, capacity)?))
+                })
+                .transpose()?,
             subtrees: Collapse::buffer(gpu, capacity)?,
             wide: self.widen.workspace(capacity)?,
         })
     }
 
-    /// Builds a tree over the first `count` of `triangles` (nine finite floats each) into the workspace.
+    /// Builds a tree over the first `count` of `triangles` (nine finite floats each) into the workspace; where the
+    /// binary tree comes from the CPU, over what the workspace has adopted.
     ///
     /// The first build in a workspace records iterations of the clustering on suspicion. A further one over
     /// as many triangles records as many as the last one needed, and more if they turn out too few.
@@ -292,13 +341,16 @@ impl Builder {
         check(count)?;
         assert!(count <= workspace.capacity, "{count} triangles in a workspace for {}", workspace.capacity);
         assert!(36 * count as u64 <= triangles.bytes(), "{count} triangles in {triangles:?}");
+        let Some(Clustering { ploc, .. }) = &self.clustering else {
+            return self.build_adopted(workspace, triangles, count, time_dispatches);
+        };
         let input = Input { triangles, count };
         let mut timings = Timings::default();
         let mut done = 0;
         let mut recorded = match workspace.last.get() {
-            Some((of, needed)) if of == count => needed,
+            Some(last) if last.triangles == count => last.dispatches,
             _ => {
-                let iterations = self.ploc.iterations(count);
+                let iterations = ploc.iterations(count);
                 Dispatches { iterations, levels: iterations }
             }
         };
@@ -326,11 +378,16 @@ impl Builder {
                 let source = Source { visits: None, large };
                 let progress = self.widen.finish(workspace, &workspace.wide, input, source, &mut timings)?;
                 let (iterations, tail) = (header.iterations, header.tail);
-                workspace.last.set(Some((count, Dispatches { iterations, levels: tail })));
+                workspace.last.set(Some(Last {
+                    triangles: count,
+                    leaves: count,
+                    dispatches: Dispatches { iterations, levels: tail },
+                    milliseconds: 0.0,
+                }));
                 return Ok(BuildReport {
                     summary: Summary::of(&progress, &header),
                     recorded: recorded.iterations,
-                    milliseconds: BuildMilliseconds::of(&timings),
+                    milliseconds: BuildMilliseconds::of(&timings, 0.0),
                     timings,
                 });
             }
@@ -348,13 +405,48 @@ impl Builder {
         }
     }
 
+    /// What follows the binary tree that the workspace has adopted.
+    fn build_adopted(
+        &self,
+        workspace: &BuildWorkspace,
+        triangles: &Buffer,
+        count: usize,
+        time_dispatches: bool,
+    ) -> Result<BuildReport, BuildError> {
+        let last = workspace.last.get().filter(|last| last.triangles == count);
+        let last = last.expect("a tree over these triangles was adopted");
+        let input = Input { triangles, count: last.leaves };
+        let large = last.dispatches.levels;
+        let source = Source { visits: None, large };
+        let mut pass = Pass::new(&self.gpu)?;
+        pass.time_dispatches(time_dispatches);
+        pass.scope("build", |pass| {
+            pass.scope("morton", |pass| self.morton.record_bounds(pass, triangles, count, &workspace.bounds));
+            pass.scope("collapse", |pass| {
+                let (tree, bounds) = (&workspace.tree, &workspace.bounds);
+                self.collapse.record(pass, tree, bounds, &workspace.subtrees, large);
+            });
+            self.widen.record(pass, workspace, &workspace.wide, input, source, true);
+        });
+        let mut timings = Timings::default();
+        timings.spans.extend(pass.submit()?.spans);
+        let progress = self.widen.finish(workspace, &workspace.wide, input, source, &mut timings)?;
+        Ok(BuildReport {
+            summary: Summary::of(&progress, &workspace.tree.header()?),
+            recorded: 0,
+            milliseconds: BuildMilliseconds::of(&timings, last.milliseconds),
+            timings,
+        })
+    }
+
     /// Which of the value buffers holds the triangles' order.
     fn record_order(&self, pass: &mut Pass, w: &BuildWorkspace, input: Input<'_>) -> usize {
         let Input { triangles, count } = input;
-        pass.scope("morton", |pass| {
-            self.morton.record(pass, triangles, count, &w.bounds, &w.sort.keys[0]);
-        });
-        pass.scope("sort", |pass| self.sort.record(pass, &w.sort, count, self.params.morton.code_bits()))
+        let (Some(Clustering { sort, .. }), Some((sorted, _))) = (&self.clustering, &w.clustering) else {
+            unreachable!("trees from elsewhere need no order");
+        };
+        pass.scope("morton", |pass| self.morton.record(pass, triangles, count, &w.bounds, &sorted.keys[0]));
+        pass.scope("sort", |pass| sort.record(pass, sorted, count, self.params.morton.code_bits()))
     }
 
     /// `steps` of the clustering, which starts afresh where there is an `order`, and what follows it, with
@@ -369,11 +461,15 @@ impl Builder {
         large: u32,
     ) {
         let Input { triangles, count } = input;
+        let (Some(Clustering { ploc, .. }), Some((sorted, clusters))) = (&self.clustering, &w.clustering)
+        else {
+            unreachable!("trees from elsewhere are not clustered");
+        };
         pass.scope("ploc", |pass| {
             if let Some(order) = order {
-                self.ploc.record_leaves(pass, triangles, count, &w.sort.values[order], &w.tree, &w.ploc);
+                ploc.record_leaves(pass, triangles, count, &sorted.values[order], &w.tree, clusters);
             }
-            self.ploc.record(pass, &w.tree, &w.bounds, &w.ploc, steps);
+            ploc.record(pass, &w.tree, &w.bounds, clusters, steps);
         });
         pass.scope("collapse", |pass| {
             self.collapse.record(pass, &w.tree, &w.bounds, &w.subtrees, large);
@@ -407,7 +503,7 @@ impl Widen {
         self.contract.form()
     }
 
-    /// Allocates for trees over up to `capacity` triangles.
+    /// Allocates for trees of up to `capacity` leaves.
     ///
     /// # Errors
     /// Too little memory.
@@ -439,14 +535,14 @@ impl Widen {
         count: usize,
         visits: Option<Visits<'_>>,
     ) -> Result<BuildReport, BuildError> {
-        let last = from.last.get().filter(|&(of, _)| of == count);
-        let (_, Dispatches { levels, .. }) = last.unwrap_or_else(|| panic!("no build of {count} triangles"));
-        assert!(count <= to.capacity, "{count} triangles in a workspace for {}", to.capacity);
-        let input = Input { triangles, count };
+        let last = from.last.get().filter(|last| last.triangles == count);
+        let Last { leaves, dispatches, .. } = last.unwrap_or_else(|| panic!("no build of {count} triangles"));
+        assert!(leaves <= to.capacity, "{leaves} leaves in a workspace for {}", to.capacity);
+        let input = Input { triangles, count: leaves };
         let mut timings = Timings::default();
         let mut pass = Pass::new(&self.gpu)?;
         pass.time_dispatches(false);
-        let source = Source { visits, large: levels };
+        let source = Source { visits, large: dispatches.levels };
         pass.scope("build", |pass| self.record(pass, from, to, input, source, true));
         timings.spans.extend(pass.submit()?.spans);
         let progress = self.finish(from, to, input, source, &mut timings)?;
@@ -454,7 +550,7 @@ impl Widen {
         Ok(BuildReport {
             summary: Summary::of(&progress, &header),
             recorded: 0,
-            milliseconds: BuildMilliseconds::of(&timings),
+            milliseconds: BuildMilliseconds::of(&timings, 0.0),
             timings,
         })
     }
@@ -557,6 +653,26 @@ impl WideWorkspace {
 }
 
 impl BuildWorkspace {
+    /// Copies a binary tree over `triangles` triangles to the device, whose making took the CPU so many milliseconds.
+    ///
+    /// # Errors
+    /// A transfer failed.
+    ///
+    /// # Panics
+    /// It has more leaves than the workspace was made for.
+    pub fn adopt(&self, gpu: &Gpu, tree: &Bvh2, triangles: usize, milliseconds: f64) -> Result<(), Error> {
+        assert!(tree.leaves <= self.capacity, "{} leaves in a workspace for {}", tree.leaves, self.capacity);
+        let levels = self.tree.write(gpu, tree)?;
+        let dispatches = Dispatches { iterations: 0, levels };
+        self.last.set(Some(Last { triangles, leaves: tree.leaves, dispatches, milliseconds }));
+        Ok(())
+    }
+
+    /// Leaves of the last build's binary tree; 0 before the first.
+    pub fn leaves(&self) -> usize {
+        self.last.get().map_or(0, |last| last.leaves)
+    }
+
     /// Records, after a traversal that counted visits of the last build's own wide tree, what that means for
     /// the binary tree.
     pub fn record_visits(&self, pass: &mut Pass, counter: &VisitCounter) {
@@ -567,16 +683,16 @@ impl BuildWorkspace {
     ///
     /// # Errors
     /// A transfer failed.
-    pub fn read_tree(&self, count: usize) -> Result<Bvh2, Error> {
-        Bvh2::read(&self.tree, count)
+    pub fn read_tree(&self) -> Result<Bvh2, Error> {
+        Bvh2::read(&self.tree, self.leaves())
     }
 
     /// Copies what the last build's collapse decided to the host.
     ///
     /// # Errors
     /// A transfer failed.
-    pub fn read_subtrees(&self, count: usize) -> Result<Vec<Subtree>, Error> {
-        self.subtrees.read(0, count - 1)
+    pub fn read_subtrees(&self) -> Result<Vec<Subtree>, Error> {
+        self.subtrees.read(0, self.leaves() - 1)
     }
 
     /// Copies the last build's scene bounds to the host.

@@ -10,7 +10,10 @@
 //! and a pass downwards the same in reverse, without atomics, without waiting, with one possible result.
 //! For PLOC a level is one iteration.
 
-use crate::gpu::{Buffer, Error, Gpu};
+use crate::{
+    gpu::{Buffer, Error, Gpu},
+    ploc::LEVEL_WORKGROUP,
+};
 use bytemuck::{Pod, Zeroable};
 use std::{mem::offset_of, ops::Range};
 
@@ -145,6 +148,10 @@ pub(crate) struct LevelsHeader {
     pub first: [u32; MAX_LEVELS + 1],
 }
 
+/// Levels of no more nodes than this, and with none larger above them, are left to one workgroup. `FEW` of PLOC is
+/// more; but trees from elsewhere have many small levels on top.
+const TAIL_NODES: usize = 1024;
+
 const LEVELS_BYTES: u64 = (size_of::<LevelsHeader>() + 12 * MAX_LEVELS) as u64;
 
 /// A binary tree in device memory, and which of its nodes can be processed together.
@@ -166,6 +173,29 @@ impl Bvh2Buffers {
             nodes: gpu.buffer("binary tree", 32 * (2 * leaves as u64 - 1))?,
             levels: gpu.buffer("levels of the binary tree", LEVELS_BYTES)?,
         })
+    }
+
+    /// Copies a tree here. Returns how many of its levels may need more than one workgroup.
+    pub(crate) fn write(&self, gpu: &Gpu, tree: &Bvh2) -> Result<u32, Error> {
+        let sizes = || tree.levels.iter().map(|level| level.len());
+        // Larger ones may lie above smaller ones.
+        let tail = sizes().rposition(|size| size > TAIL_NODES).map_or(0, |last| last + 1);
+        let mut first = [tree.nodes.len() as u32; MAX_LEVELS + 1];
+        first.iter_mut().zip(&tree.levels).for_each(|(first, level)| *first = level.start);
+        let header = LevelsHeader {
+            count: tree.levels.len() as u32,
+            tail: tail as u32,
+            leaves: tree.leaves as u32,
+            iterations: 0,
+            first,
+        };
+        let size = LEVEL_WORKGROUP.min(gpu.info().max_workgroup_size) as usize;
+        let mut words: Vec<u32> = bytemuck::cast_slice(&[header]).to_vec();
+        words.extend(sizes().take(tail).flat_map(|nodes| [nodes.div_ceil(size) as u32, 1, 1]));
+        words.resize(LEVELS_BYTES as usize / 4, 0);
+        self.nodes.write(&tree.nodes)?;
+        self.levels.write(&words)?;
+        Ok(tail as u32)
     }
 
     /// Which levels there are.

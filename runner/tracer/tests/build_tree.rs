@@ -3,16 +3,17 @@
 mod support;
 
 use std::sync::OnceLock;
-use support::{Random, assert_silent, awkward, builder_of, gpu, on_any_tree, scattered, terrain};
+use support::{Random, assert_silent, awkward, builder_of, gpu, on_any_tree, scattered, terrain, usual};
 use tracer::{
-    builder::{BuildError, BuildParams, BuildReport, BuildWorkspace, Builder, WideWorkspace, Widen},
-    bvh2::{Bvh2, Triangle},
+    builder::{BuildError, BuildParams, BuildReport, BuildWorkspace, Builder, Method, WideWorkspace, Widen},
+    bvh2::{Aabb, Bvh2, Triangle},
     collapse::{self, CollapseParams, Subtree},
     contract::{self, ContractParams, Contraction, Form, Visits, WideBvh},
     layout::{self, Layout, LayoutParams, LeafTriangle, NodeLayout, binary::Binary, compressed::Assignment},
     measure::tree::stats,
     morton::{self, MortonParams},
     ploc::{self, PlocParams},
+    sbvh::{self, SbvhParams},
     sort, validate, with_layout,
 };
 
@@ -31,11 +32,10 @@ struct Collapsed<'a> {
 impl<'a> Collapsed<'a> {
     /// Copies it from the device.
     fn read(workspace: &BuildWorkspace, triangles: &'a [Triangle]) -> Self {
-        let n = triangles.len();
         Self {
             triangles,
-            tree: workspace.read_tree(n).unwrap(),
-            subtrees: workspace.read_subtrees(n).unwrap(),
+            tree: workspace.read_tree().unwrap(),
+            subtrees: workspace.read_subtrees().unwrap(),
             scale: workspace.read_bounds().unwrap().scale(),
         }
     }
@@ -80,7 +80,11 @@ impl<'a> Collapsed<'a> {
         what: &str,
     ) {
         let nodes = to.read_nodes::<L>(wide.nodes.len()).unwrap();
-        let leaves: Vec<LeafTriangle> = to.stored.triangles.read(0, self.triangles.len()).unwrap();
+        let leaves: Vec<LeafTriangle> = to.stored.triangles.read(0, self.tree.leaves).unwrap();
+        let split = self.tree.leaves != self.triangles.len();
+        let bounds = |leaf: u32| self.tree.nodes[leaf as usize].bounds();
+        let parts: Option<Vec<Aabb>> =
+            split.then(|| layout::cpu::places(wide, &self.tree).into_iter().map(bounds).collect());
         let (twin_nodes, twin_leaves) = layout::cpu::encode::<L>(wide, &self.tree, self.triangles, params);
         for (i, (node, twin)) in nodes.iter().zip(&twin_nodes).enumerate() {
             // As words, because zeros of either sign and what is no number would pass for each other.
@@ -88,10 +92,10 @@ impl<'a> Collapsed<'a> {
             assert_eq!(words(node), words(twin), "{what}: node {i}");
         }
         assert!(leaves == twin_leaves, "{what}: triangles differ from the twin's");
-        let depth = validate::layout::<L>(&nodes, &leaves, self.triangles);
+        let depth = validate::layout::<L>(&nodes, &leaves, self.triangles, parts.as_deref());
         assert_eq!(depth, Ok(report.summary.depth as usize), "{what}");
         let s = stats::<L>(&nodes, size_of::<L::Node>(), &CollapseParams::default());
-        assert_eq!((s.triangles, s.depth), (self.triangles.len() as u64, report.summary.depth), "{what}");
+        assert_eq!((s.triangles, s.depth), (self.tree.leaves as u64, report.summary.depth), "{what}");
     }
 }
 
@@ -233,7 +237,7 @@ fn leaf_sizes_and_costs_are_obeyed() {
         let report = builder.build(&workspace, &buffer, 3000, false).unwrap();
         let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();
         let leaves: Vec<LeafTriangle> = workspace.wide.stored.triangles.read(0, 3000).unwrap();
-        validate::layout::<Binary>(&nodes, &leaves, &triangles).unwrap();
+        validate::layout::<Binary>(&nodes, &leaves, &triangles, None).unwrap();
         let s = stats::<Binary>(&nodes, 56, &params.collapse);
         let largest = s.triangles_histogram.iter().rposition(|&c| c > 0).unwrap();
         assert!(largest <= max_leaf as usize, "{largest} triangles in a leaf");
@@ -299,7 +303,7 @@ fn a_million_triangles_in_one_plane_make_a_tree() {
     let report = builder.build(&workspace, &buffer, n, false).unwrap();
     let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();
     let leaves: Vec<LeafTriangle> = workspace.wide.stored.triangles.read(0, n).unwrap();
-    let depth = validate::layout::<Binary>(&nodes, &leaves, &triangles);
+    let depth = validate::layout::<Binary>(&nodes, &leaves, &triangles, None);
     assert_eq!(depth, Ok(report.summary.depth as usize));
     assert_silent();
 }
@@ -578,4 +582,39 @@ fn leaves_too_large_for_a_layout_are_refused_with_the_parameter() {
     assert!(error(&BuildParams::default()).contains("collapse.max_leaf=3"));
     let contract = ContractParams { p_max: 4, ..on_any_tree(Layout::Compressed8).contract };
     assert!(error(&contracted(contract)).contains("contract.p_max=3"));
+}
+
+/// The stages behind the binary tree do not ask where it comes from, or how often a triangle is in it.
+#[test]
+fn trees_with_spatial_splits_are_widened_as_others_are() {
+    let scenes: Vec<_> = [1, 2, 3, 1500]
+        .into_iter()
+        .map(|n| (format!("{n} scattered"), scattered(n, 10.0, 3.0)))
+        .chain(awkward(200).into_iter().map(|(what, triangles)| (what.to_owned(), triangles)))
+        .collect();
+    let mut split_any = false;
+    for layout in [Layout::Binary, Layout::Wide4, Layout::Quantized6, Layout::Compressed8] {
+        for method in [Contraction::Sah, Contraction::Optimal] {
+            let contract = ContractParams { method, ..Default::default() };
+            let params = BuildParams { method: Method::Sbvh, contract, ..usual(layout) };
+            let builder = Builder::new(gpu(), &params, layout).unwrap();
+            for (what, triangles) in &scenes {
+                let what = format!("{what}, {method}");
+                let tree = sbvh::build(triangles, &SbvhParams::default());
+                split_any |= tree.leaves > triangles.len();
+                let buffer = gpu().upload("triangles", triangles).unwrap();
+                let workspace = builder.workspace(tree.leaves).unwrap();
+                workspace.adopt(gpu(), &tree, triangles.len(), 7.0).unwrap();
+                let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
+                let read = Collapsed::read(&workspace, triangles);
+                assert!(read.tree == tree, "{what}: the tree that was adopted");
+                let subtrees = collapse::cpu::collapse(&tree, read.scale, &params.collapse);
+                assert!(read.subtrees == subtrees, "{what}: subtrees differ from the twin's");
+                read.check(&workspace.wide, &report, &params, None, &what);
+                assert!(report.milliseconds.sbvh == 7.0 && report.milliseconds.total >= 7.0, "{what}");
+            }
+        }
+    }
+    assert!(split_any, "some triangles were split");
+    assert_silent();
 }

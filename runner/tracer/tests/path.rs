@@ -437,8 +437,8 @@ fn sample_rays_count_how_often_each_node_is_visited() {
     let balls = two_balls();
     let sampled = Sampled::new(&balls);
     let n = balls.positions.len();
-    let tree = sampled.planted.workspace.read_tree(n).unwrap();
-    let subtrees = sampled.planted.workspace.read_subtrees(n).unwrap();
+    let tree = sampled.planted.workspace.read_tree().unwrap();
+    let subtrees = sampled.planted.workspace.read_subtrees().unwrap();
     let ahead = view([0.0; 3], [0.0, 0.0, -1.0], 70.0);
     let params = Params { depth: 4, seed: 2 };
     let tracer = PathTracer::new(gpu(), &sampled.device, SIZE, &params, true).unwrap();

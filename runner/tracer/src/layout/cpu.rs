@@ -7,6 +7,16 @@ use crate::{
 };
 use bytemuck::Zeroable;
 
+/// Of each place in the order of leaves, the leaf of the binary tree that is stored there.
+pub fn places(wide: &WideBvh, tree: &Bvh2) -> Vec<u32> {
+    let mut places = vec![0; tree.leaves];
+    for node in &wide.nodes {
+        let leaves = node.leaves.iter().flat_map(|leaf| WideBvh::triangles_below(tree, leaf.node));
+        leaves.zip(node.first_triangle..).for_each(|(leaf, place)| places[place as usize] = leaf);
+    }
+    places
+}
+
 /// A wide tree's nodes in a layout, and its triangles where its leaves expect them. Nodes are in the tree's own order,
 /// but for siblings of a layout whose slots have an order.
 pub fn encode<L: NodeLayout>(
@@ -15,9 +25,13 @@ pub fn encode<L: NodeLayout>(
     triangles: &[Triangle],
     params: &LayoutParams,
 ) -> (Vec<L::Node>, Vec<LeafTriangle>) {
-    let mut ordered = vec![LeafTriangle::new(&Triangle::default(), 0); tree.leaves];
+    let of_leaf = |leaf: u32| {
+        let primitive = tree.nodes[leaf as usize].left;
+        LeafTriangle::new(&triangles[primitive as usize], primitive)
+    };
+    let ordered = places(wide, tree).into_iter().map(of_leaf).collect();
     // Of each node, where it goes.
-    let mut places = vec![0; wide.nodes.len()];
+    let mut moved = vec![0; wide.nodes.len()];
     let arranged: Vec<Vec<Option<Child>>> = wide
         .nodes
         .iter()
@@ -28,11 +42,7 @@ pub fn encode<L: NodeLayout>(
             for leaf in &node.leaves {
                 let target = Target::Leaf { first, count: leaf.triangles };
                 children.push(Child { bounds: bounds(leaf.node), target });
-                for below in WideBvh::triangles_below(tree, leaf.node) {
-                    let primitive = tree.nodes[below as usize].left;
-                    ordered[first as usize] = LeafTriangle::new(&triangles[primitive as usize], primitive);
-                    first += 1;
-                }
+                first += leaf.triangles;
             }
             children.extend(node.nodes.iter().enumerate().map(|(i, &index)| Child {
                 bounds: bounds(index),
@@ -45,7 +55,7 @@ pub fn encode<L: NodeLayout>(
             let mut next = node.first_node;
             for child in arranged.iter_mut().flatten() {
                 if let Target::Node(index) = &mut child.target {
-                    places[*index as usize] = next;
+                    moved[*index as usize] = next;
                     *index = next;
                     next += 1;
                 }
@@ -54,7 +64,7 @@ pub fn encode<L: NodeLayout>(
         })
         .collect();
     let mut encoded = vec![L::Node::zeroed(); wide.nodes.len()];
-    for ((node, children), &place) in wide.nodes.iter().zip(&arranged).zip(&places) {
+    for ((node, children), &place) in wide.nodes.iter().zip(&arranged).zip(&moved) {
         encoded[place as usize] = L::encode(children, node.triangles, params);
     }
     (encoded, ordered)

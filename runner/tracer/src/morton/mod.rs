@@ -133,11 +133,8 @@ impl Morton {
     /// Writes the bounds of `count` triangles ([`BOUNDS_BYTES`]) and their keys
     /// ([`MortonParams::words`] words each).
     pub fn record(&self, pass: &mut Pass, triangles: &Buffer, count: usize, bounds: &Buffer, keys: &Buffer) {
+        self.record_bounds(pass, triangles, count, bounds);
         let all = u32::try_from(count).expect("at most MAX_TRIANGLES");
-        pass.fill(bounds, u32::MAX);
-        let push =
-            BoundsPush { triangles: triangles.address(), bounds: bounds.address(), count: all, pad: 0 };
-        pass.dispatch("bounds", &self.bounds, &push, groups(count, WORKGROUP).min(REDUCING_GROUPS));
         let push = CodesPush {
             triangles: triangles.address(),
             bounds: bounds.address(),
@@ -146,6 +143,15 @@ impl Morton {
             pad: 0,
         };
         pass.dispatch("codes", &self.codes, &push, groups(count, WORKGROUP));
+    }
+
+    /// Writes the bounds alone.
+    pub fn record_bounds(&self, pass: &mut Pass, triangles: &Buffer, count: usize, bounds: &Buffer) {
+        let all = u32::try_from(count).expect("at most MAX_TRIANGLES");
+        pass.fill(bounds, u32::MAX);
+        let push =
+            BoundsPush { triangles: triangles.address(), bounds: bounds.address(), count: all, pad: 0 };
+        pass.dispatch("bounds", &self.bounds, &push, groups(count, WORKGROUP).min(REDUCING_GROUPS));
     }
 }
 

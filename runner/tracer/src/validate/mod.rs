@@ -214,9 +214,12 @@ pub fn wide(wide: &WideBvh, tree: &Bvh2, subtrees: &[Subtree], keeps_leaves: boo
     Ok(())
 }
 
-/// Checks nodes in a layout: every node is reached once, every triangle is in one leaf and unchanged, and
-/// every child's box is exactly, or where the layout rounds contains, the box of all triangles below it.
-/// Returns the depth: nodes on the longest way down.
+/// Checks nodes in a layout: every node is reached once, every triangle is in a leaf and unchanged, and
+/// every child's box is exactly, or where the layout rounds contains, the box of all below it. Returns the depth:
+/// nodes on the longest way down.
+///
+/// `parts` are the boxes of the places in leaves where triangles may be in several ([`crate::sbvh`]); without them each
+/// triangle is in one leaf, as a whole.
 ///
 /// # Errors
 /// The first violation found.
@@ -224,17 +227,25 @@ pub fn layout<L: NodeLayout>(
     nodes: &[L::Node],
     leaf_triangles: &[LeafTriangle],
     triangles: &[Triangle],
+    parts: Option<&[Aabb]>,
 ) -> Result<usize, Invalid> {
-    let n = triangles.len();
-    require!(leaf_triangles.len() == n, "{} triangles in leaves, {n} in the scene", leaf_triangles.len());
-    let mut seen = vec![false; n];
+    let places = leaf_triangles.len();
+    let n = parts.map_or(triangles.len(), <[Aabb]>::len);
+    require!(places == n, "{places} triangles in leaves, not {n}");
+    let mut seen = vec![false; triangles.len()];
     for (i, t) in leaf_triangles.iter().enumerate() {
         let p = t.primitive as usize;
-        require!(p < n, "place {i} holds triangle {p} of {n}");
-        require!(!seen[p], "triangle {p} has two places");
+        require!(p < triangles.len(), "place {i} holds triangle {p} of {}", triangles.len());
+        require!(parts.is_some() || !seen[p], "triangle {p} has two places");
         seen[p] = true;
         require!(t.corners() == triangles[p], "place {i} holds other corners than triangle {p}");
     }
+    let missing = seen.iter().position(|seen| !seen);
+    require!(missing.is_none(), "triangle {missing:?} has no place");
+    let part = |place: usize| match parts {
+        Some(parts) => parts[place],
+        None => Aabb::of(&leaf_triangles[place].corners()),
+    };
 
     // From the root down, in the order in which nodes are reached: children come after their parents.
     let mut reached = vec![false; nodes.len()];
@@ -279,9 +290,9 @@ pub fn layout<L: NodeLayout>(
         for child in children::<L>(&nodes[i as usize]) {
             let bounds = match child.target {
                 Target::Node(index) => exact[index as usize],
-                Target::Leaf { first, count } => leaf_triangles[first as usize..(first + count) as usize]
-                    .iter()
-                    .fold(Aabb::EMPTY, |b, t| b.union(&Aabb::of(&t.corners()))),
+                Target::Leaf { first, count } => {
+                    (first..first + count).fold(Aabb::EMPTY, |b, place| b.union(&part(place as usize)))
+                }
             };
             require!(child.bounds.contains(&bounds), "something sticks out of a child of node {i}");
             require!(
@@ -405,11 +416,11 @@ mod tests {
         let wide = contract::cpu::contract(&tree, &subtrees, 1.0, 2, &ContractParams::default(), None);
         let (nodes, leaves) =
             crate::layout::cpu::encode::<Binary>(&wide, &tree, &triangles, &LayoutParams::default());
-        assert_eq!(layout::<Binary>(&nodes, &leaves, &triangles), Ok(subtrees[18].height as usize));
+        assert_eq!(layout::<Binary>(&nodes, &leaves, &triangles, None), Ok(subtrees[18].height as usize));
         let damage = |f: fn(&mut Vec<BinaryNode>, &mut Vec<LeafTriangle>)| {
             let (mut nodes, mut leaves) = (nodes.clone(), leaves.clone());
             f(&mut nodes, &mut leaves);
-            layout::<Binary>(&nodes, &leaves, &triangles).unwrap_err().0
+            layout::<Binary>(&nodes, &leaves, &triangles, None).unwrap_err().0
         };
         assert!(damage(|n, _| n[1].hi0[0] += 100.0).contains("larger box"));
         assert!(damage(|n, _| n[1].hi0[0] -= 0.25).contains("sticks out"));
