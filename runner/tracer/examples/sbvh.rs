@@ -2,10 +2,11 @@
 //!
 //! ```text
 //! cargo run --release -p tracer --example sbvh -- SCENE… [alpha=1e-5] [object_bins=32] [spatial_bins=32]
-//!     [sweep=64] [budget=2] [repeat=1]
+//!     [sweep=64] [budget=2] [repeat=1] [alone]
 //! ```
 //!
-//! The cost is that of the tree as it is, one reference a leaf, with c_t = c_i = 1.
+//! The cost is that of the tree as it is, one reference a leaf, with c_t = c_i = 1; the time is the least of
+//! `repeat` builds. `alone` leaves PLOC's tree out, which takes long to build on the CPU.
 
 use std::time::Instant;
 use tracer::{

@@ -5,10 +5,13 @@
 //!           in Morton order     inner nodes, in the order they were made
 //! ```
 //!
+//! A tree of [`crate::sbvh`] has a leaf for each reference, of which a triangle can have several, and its
+//! leaves and the nodes of a level are in depth-first order.
+//!
 //! Children lie in front of their parents, whole levels in front of whole levels: the children of a node
 //! in level k are leaves or lie in levels before k. So a pass upwards is one dispatch a level, in order,
 //! and a pass downwards the same in reverse, without atomics, without waiting, with one possible result.
-//! For PLOC a level is one iteration.
+//! For PLOC a level is one iteration, for SBVH the nodes of one height.
 
 use crate::{
     gpu::{Buffer, Error, Gpu},
@@ -109,12 +112,12 @@ impl Bvh2Node {
     }
 }
 
-/// A binary tree with one triangle a leaf, in host memory.
+/// A binary tree with one triangle, or one reference to a triangle, a leaf, in host memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bvh2 {
     /// Leaves, then inner nodes; the root is the last. `2 * leaves - 1` nodes.
     pub nodes: Vec<Bvh2Node>,
-    /// How many triangles; at least one.
+    /// How many triangles or references; at least one.
     pub leaves: usize,
     /// Consecutive ranges of inner nodes: see the module's text. One may be empty.
     pub levels: Vec<Range<u32>>,
