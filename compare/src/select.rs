@@ -14,9 +14,16 @@ pub const REFERENCE: &str = "Binary";
 pub struct Pass(pub BTreeMap<String, String>);
 
 impl Pass {
-    /// The parameters that are not the scene's.
-    fn of_variant(&self) -> impl Iterator<Item = (&String, &String)> {
-        self.0.iter().filter(|(name, _)| !name.starts_with(OF_SCENE))
+    /// The same without the scene's parameters.
+    pub fn of_variant(&self) -> Pass {
+        let own = self.0.iter().filter(|(name, _)| !name.starts_with(OF_SCENE));
+        Pass(own.map(|(name, value)| (name.clone(), value.clone())).collect())
+    }
+
+    /// What is not the same in another one.
+    pub fn beside(&self, other: &Pass) -> Pass {
+        let own = self.0.iter().filter(|(name, value)| other.0.get(*name) != Some(value));
+        Pass(own.map(|(name, value)| (name.clone(), value.clone())).collect())
     }
 }
 
@@ -180,7 +187,7 @@ impl<'r> Selection<'r> {
         let found: Vec<_> = self.entries.iter().filter(is).collect();
         match found[..] {
             [one] => Some(one),
-            _ => found.into_iter().find(|other| other.pass.of_variant().eq(entry.pass.of_variant())),
+            _ => found.into_iter().find(|other| other.pass.of_variant() == entry.pass.of_variant()),
         }
     }
 

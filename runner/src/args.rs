@@ -44,6 +44,7 @@ Examples:
   runner run city:triangles=1000000,seed=3 --size 1280x720
   runner run bistro_exterior --set collapse.c_t=3 --set ploc.radius=16
   runner run forest --variant all -o out/all.json
+  runner run sponza --variant 'Wide8*' --method replay -o out/bounces.json
   runner run city --variant 'Wide4*' --set cbtc.threshold=16 --set cbtc.subsampling=100";
 
 const SWEEP_EXAMPLES: &str = "\
@@ -219,7 +220,11 @@ pub struct Run {
     /// Views, by number or name, such as `0,3` or `0-3`; all when left out
     #[arg(long, value_name = "LIST")]
     pub views: Option<String>,
-    /// Path samples a pixel and view; 15 on a GPU and 3 on a CPU driver when left out
+    /// How rays are launched while they are timed
+    #[arg(long, value_enum, default_value_t)]
+    pub method: Method,
+    /// Samples of each view: paths a pixel, 15 on a GPU and 3 on a CPU driver when left out, or with --method replay
+    /// launches of each bounce, 10 when left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub samples: Option<u32>,
     /// Samples traced before them from each view and thrown away; on a GPU at least 0.15 seconds' worth (0.4
@@ -308,6 +313,26 @@ pub struct Best {
     pub json: bool,
 }
 
+/// A method of measuring.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Method {
+    /// Each sample traces whole paths of its own, one a pixel
+    #[default]
+    Paths,
+    /// The rays of each bounce of one path a pixel are collected once, and each sample launches the same ones again:
+    /// what bounces 0 to 8 take by themselves (Ylitie et al. 2017)
+    Replay,
+}
+
+impl From<Method> for record::Method {
+    fn from(method: Method) -> Self {
+        match method {
+            Method::Paths => Self::Paths,
+            Method::Replay => Self::Replay,
+        }
+    }
+}
+
 /// A kind of rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Kind {
@@ -357,9 +382,9 @@ pub struct Paths {
     /// Picture size; 1920x1080 on a GPU and 320x180 on a CPU driver when left out
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
-    /// Most rays in a path, the primary ray included
-    #[arg(long, value_name = "D", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
-    pub depth: u32,
+    /// Most rays in a path, the primary ray included; 8 when left out, and 9 with `run --method replay`
+    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub depth: Option<u32>,
     /// Seed of all random numbers
     #[arg(long, default_value_t = 0)]
     pub seed: u32,

@@ -16,7 +16,7 @@ use anyhow::Context;
 use clap::CommandFactory;
 use std::{io::Write, path::Path};
 use tracer::{
-    gpu::{DeviceInfo, Pass},
+    gpu::DeviceInfo,
     layout::Layout,
     path::{self, Camera, PathTracer},
     scene::{SearchPath, Source, built_in},
@@ -383,11 +383,7 @@ pub fn trace(global: &Global, trace: &args::Trace) -> anyhow::Result<()> {
     let wave = if trace.primary { Wave::Primary } else { Wave::Secondary };
     let mut times = Vec::new();
     for launch in 0..=trace.launches {
-        memory.rewind()?;
-        let mut pass = Pass::new(gpu)?;
-        traversal.record(&mut pass, "trace", wave, &tree, &memory.buffers(), rays.len());
-        let milliseconds = pass.submit()?.milliseconds("trace");
-        traversal.check(0, &memory.queue()?)?;
+        let milliseconds = memory.launch(gpu, &traversal, &tree, wave)?;
         // The first launch may include compilation, and finds the caches cold.
         if launch > 0 {
             times.push(milliseconds);

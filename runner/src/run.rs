@@ -3,7 +3,10 @@
 use crate::{
     args::{self, Global},
     commands::print,
-    measure::{Defaults, Held, LEAST_CLOCK, Measuring, Plan, Sampling, Watch, begin, clock, telemetry},
+    measure::{
+        Defaults, Held, LAUNCHES, LEAST_CLOCK, Measuring, Plan, Sampling, Watch, begin, clock, depth,
+        telemetry,
+    },
     params::Params,
     progress::{bar, remark},
     session::{Session, interrupted, watch_for_interrupts},
@@ -12,7 +15,7 @@ use crate::{
 };
 use anyhow::Context;
 use indicatif::ProgressBar;
-use record::{Point, Record};
+use record::{Method, Point, Record};
 use std::{path::Path, time::Duration};
 use tracer::path;
 
@@ -30,14 +33,21 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     let held = Held::of(&session);
     let defaults = Defaults::of(&session);
     let size = run.paths.size.unwrap_or(defaults.size);
+    let method = run.method.into();
+    let samples = match method {
+        Method::Replay => LAUNCHES,
+        Method::Paths if defaults.cpu => 3,
+        Method::Paths => 15,
+    };
     let plan = Plan {
         size: (size.width, size.height),
-        path: path::Params { depth: run.paths.depth, seed: run.paths.seed },
+        method,
+        path: path::Params { depth: run.paths.depth.unwrap_or(depth(method)), seed: run.paths.seed },
         builds: run.builds.unwrap_or(defaults.builds),
         warm_up: run.warm_up,
         busy_before_point: if defaults.cpu { Duration::ZERO } else { WARM_UP_TIME },
         busy_before_view: if defaults.cpu { Duration::ZERO } else { WARM_UP_VIEW_TIME },
-        sampling: Sampling::exactly(run.samples.unwrap_or(if defaults.cpu { 3 } else { 15 })),
+        sampling: Sampling::exactly(run.samples.unwrap_or(samples)),
         clock: clock(&telemetry, &held, run.paths.locked_clock, LEAST_CLOCK),
         held,
         counting: true,

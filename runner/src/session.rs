@@ -266,6 +266,24 @@ impl TraceMemory {
         Ok(self.queue.write(&[Queue { count: self.count as u32, ..Queue::default() }])?)
     }
 
+    /// Traces them all in one launch; milliseconds of the traversal kernel alone.
+    ///
+    /// # Errors
+    /// The device was lost, or its driver ended a loop.
+    pub fn launch(&self, gpu: &Gpu, traversal: &Traversal, tree: &Tree, wave: Wave) -> anyhow::Result<f64> {
+        self.rewind()?;
+        let mut pass = Pass::new(gpu)?;
+        traversal.record(&mut pass, "trace", wave, tree, &self.buffers(), self.count);
+        let milliseconds = pass.submit()?.milliseconds("trace");
+        traversal.check(0, &self.queue()?)?;
+        Ok(milliseconds)
+    }
+
+    /// How many rays there are.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
     /// For a launch that counts nothing.
     pub fn buffers(&self) -> Buffers {
         let (rays, hits) = (self.rays.address(), self.hits.address());

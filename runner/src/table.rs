@@ -2,7 +2,7 @@
 
 use crate::variant::Variant;
 use comfy_table::{CellAlignment, Table};
-use record::{Point, Rays, Record, Verdict};
+use record::{BOUNCES, Launches, Method, Point, Rays, Record, Verdict};
 use std::fmt::Write;
 
 /// Rates, costs and build times of every point, which variant wins and why, and what the columns mean.
@@ -86,6 +86,9 @@ pub fn summary(record: &Record) -> String {
             text += "\nOf variants that go by view: the first build, whose tree the sample rays go through.";
         }
     }
+    if record.run.method == Method::Replay {
+        let _ = write!(text, "\n\nBounce by bounce, MRps\n{}", bounces(record));
+    }
     let triangles: Vec<String> = record.results.iter().fold(Vec::new(), |mut all, point| {
         let one = format!("{} {}", point.scene.name, thousands(point.scene.triangles));
         if !all.contains(&one) {
@@ -101,11 +104,7 @@ pub fn summary(record: &Record) -> String {
          B/ray: bytes of nodes and triangles a ray asks for. build ms: median, from triangles in device memory to\n\
          nodes that can be traversed; by view: tracing sample rays + both builds.\n\
          {} × {} pixels, at most {} rays a path, on {}. Triangles: {}.",
-        match (&record.run.stopping, record.run.samples) {
-            (Some(stopping), most) => format!("{} to {most} samples", stopping.least),
-            (None, 1) => "one sample".to_owned(),
-            (None, n) => format!("{n} samples"),
-        },
+        samples(record),
         if many { "×: relative to Binary" } else { "SAH: the tree's cost by the surface area heuristic" },
         record.run.width,
         record.run.height,
@@ -114,6 +113,44 @@ pub fn summary(record: &Record) -> String {
         triangles.join(", ")
     );
     text + &stability(record)
+}
+
+/// How many samples a view has, and of what.
+fn samples(record: &Record) -> String {
+    let of = match record.run.method {
+        Method::Paths => "sample",
+        Method::Replay => "launch",
+    };
+    let all = match record.run.method {
+        Method::Paths => "samples",
+        Method::Replay => "launches of each bounce",
+    };
+    match (&record.run.stopping, record.run.samples) {
+        (Some(stopping), most) => format!("{} to {most} {all}", stopping.least),
+        (None, 1) => format!("one {of}"),
+        (None, n) => format!("{n} {all}"),
+    }
+}
+
+/// Rates of single bounces: of the fastest launch and of the one in the middle.
+fn bounces(record: &Record) -> String {
+    let heads: Vec<String> = (BOUNCES.iter())
+        .flat_map(|bounce| [Launches::Best, Launches::Median].map(|of| format!("{bounce} {of}")))
+        .collect();
+    let mut rows =
+        table(&["scene", "variant"].into_iter().chain(heads.iter().map(String::as_str)).collect::<Vec<_>>());
+    for point in &record.results {
+        let mut row = vec![point.scene.name.clone(), point.variant.clone()];
+        for bounce in BOUNCES {
+            row.extend([Launches::Best, Launches::Median].map(|of| number(point.bounce(bounce, of))));
+        }
+        rows.add_row(row);
+    }
+    align(&mut rows, &[0, 1]);
+    format!(
+        "{}\nOf the launches of each view, the mean over the views; 0 are the primary rays.",
+        shown(&rows)
+    )
 }
 
 /// What a sweep found: as [`summary`] does where it has no axes, and otherwise a row for each point, with how sure
@@ -206,10 +243,7 @@ fn reference<'r>(record: &'r Record, point: &Point) -> Option<&'r Point> {
 
 /// Bytes of nodes and triangles that a ray asks for, whichever cache they come from.
 fn bytes(point: &Point) -> Option<f64> {
-    let cost = point.counters()?.all().per_ray()?;
-    let node = point.of_trees(|t| t.node_bytes as f64 / t.nodes.max(1) as f64);
-    let triangle = point.of_trees(|t| t.triangle_bytes as f64) / (point.scene.triangles.max(1) as f64);
-    Some(cost.nodes * node + cost.triangles * triangle)
+    Some(point.bytes_per_ray(&point.counters()?.all())?.iter().sum())
 }
 
 /// One line for each scene and kind of rays: which variant is fastest, and what differs from Binary.
@@ -323,6 +357,19 @@ mod tests {
         assert_eq!(number(None), "–");
         assert_eq!(thousands(2452458), "2,452,458");
         assert_eq!(thousands(999), "999");
+    }
+
+    #[test]
+    fn launches_of_each_bounce_are_told_where_they_were_measured() {
+        let mut record = record::example();
+        assert!(!summary(&record).contains("Bounce by bounce"));
+        record.run.method = Method::Replay;
+        let text = summary(&record);
+        let table = text.split("Bounce by bounce, MRps\n").nth(1).unwrap();
+        let heads: Vec<&str> = table.lines().next().unwrap().split("  ").map(str::trim).collect();
+        assert!(heads.ends_with(&["4 best", "4 median", "8 best", "8 median"]), "{table}");
+        assert!(table.lines().nth(2).unwrap().starts_with("sponza"), "{table}");
+        assert!(text.contains("launches of each bounce"), "{text}");
     }
 
     #[test]

@@ -29,7 +29,7 @@ use crate::{
     variant::Variant,
 };
 use anyhow::bail;
-use record::{Parameters, stats};
+use record::{Method, Parameters, stats};
 use std::time::Duration;
 use tracer::{path, traverse::Wave};
 
@@ -99,7 +99,11 @@ pub fn tune(global: &Global, arguments: &args::Tune) -> anyhow::Result<()> {
         arguments.scenes.iter().map(|spec| session.load(spec)).collect::<anyhow::Result<Vec<_>>>()?;
     let plan = Plan {
         size: (size.width, size.height),
-        path: path::Params { depth: arguments.paths.depth, seed: arguments.paths.seed },
+        method: Method::Paths,
+        path: path::Params {
+            depth: arguments.paths.depth.unwrap_or(measure::depth(Method::Paths)),
+            seed: arguments.paths.seed,
+        },
         builds: 1,
         warm_up: 1,
         busy_before_point: if defaults.cpu { Duration::ZERO } else { Duration::from_millis(50) },

@@ -516,3 +516,32 @@ fn a_path_in_one_kernel_is_measured_as_well() {
         assert_eq!(point.views[0].samples[0].depths[0].rays, 24 * 14);
     }
 }
+
+/// Launch after launch of the same rays: those that the other method counts.
+#[test]
+fn a_replay_launches_the_rays_of_each_bounce_ten_times() {
+    let here = folder();
+    let line = "run sphereflake:triangles=1000,seed=3 --views 0-1 --size 64x36 --builds 1 --seed 7 \
+                --variant Wide4 --validate";
+    let output = works(here.path(), &format!("{line} --method replay -o replay.json"));
+    assert!(!text(&output.stderr).contains("validation:"), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("Bounce by bounce"), "{}", text(&output.stdout));
+    works(here.path(), &format!("{line} --depth 9 --samples 1 -o paths.json"));
+    let [replay, paths] = ["replay.json", "paths.json"].map(|name| valid(&here.path().join(name)));
+    assert_eq!((replay.run.method, paths.run.method), (record::Method::Replay, record::Method::Paths));
+    assert_eq!((replay.run.depth, replay.run.samples), (9, 10));
+    for (view, other) in replay.results[0].views.iter().zip(&paths.results[0].views) {
+        assert_eq!(view.samples.len(), 10);
+        let rays =
+            |sample: &record::Sample| sample.depths.iter().map(|launch| launch.rays).collect::<Vec<_>>();
+        let counted = |view: &record::View| {
+            view.counters.as_ref().unwrap().depths.iter().map(|count| count.rays).collect::<Vec<_>>()
+        };
+        assert!(view.samples.iter().all(|sample| rays(sample) == rays(&other.samples[0])));
+        assert_eq!(rays(&view.samples[0]), counted(view));
+        assert_eq!(counted(view), counted(other));
+        assert!(view.samples.iter().all(|s| s.depths.iter().all(|d| d.milliseconds > 0.0)));
+    }
+    let single = format!("{line} --method replay --set trace.kernels=single");
+    fails(here.path(), &single, 1, &["replay", "trace.kernels"]);
+}

@@ -1,7 +1,8 @@
 //! Where the thesis measured (its sections 5.1.1 and 6.2).
 
 use record::{
-    Device, DeviceKind, Driver, Hold, Host, Limits, Parameters, Policy, Record, Run, SCHEMA, Timestamp, Tool,
+    Device, DeviceKind, Driver, Hold, Host, Limits, Method, Parameters, Policy, Record, Run, SCHEMA,
+    Timestamp, Tool,
 };
 
 /// A record of that environment without results.
@@ -29,6 +30,7 @@ pub fn empty() -> Record {
         device: device(),
         shaders: Default::default(),
         run: Run {
+            method: Method::Paths,
             width: 1920,
             height: 1080,
             samples: 15,

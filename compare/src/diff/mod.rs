@@ -48,7 +48,7 @@ pub struct Arguments {
     /// Changes of build times below this are as good as none, and by chance: runs differ more than their builds do
     #[arg(long, value_name = "PERCENT", default_value_t = Percent(Thresholds::default().builds))]
     pub build_threshold: Percent,
-    /// Compare records of different devices, drivers, clocks or sizes too, and mark the output
+    /// Compare records of different devices, drivers, clocks, methods or sizes too, and mark the output
     #[arg(long)]
     pub anyway: bool,
     /// End with status 3 if something is significantly slower by more than this; build times below

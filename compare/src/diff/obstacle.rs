@@ -30,6 +30,7 @@ pub fn run_obstacles(records: [&Record; 2], called: [&str; 2]) -> Vec<String> {
             ("driver", side.driver),
             ("clocks", clocks(run)),
             ("picture", size(run)),
+            ("method", run.method.to_string()),
             ("most rays in a path", run.depth.to_string()),
         ]
     };

@@ -97,10 +97,11 @@ mod tests {
         let all = Filter::default();
         assert!(against(&all, |_| {}).is_empty());
         type Change = fn(&mut Record);
-        let changes: [(Change, &str); 6] = [
+        let changes: [(Change, &str); 7] = [
             (|record| record.device.name = "Another".into(), "device: "),
             (|record| record.device.driver.info = "1.2".into(), "driver: "),
             (|record| record.run.width += 1, "picture: "),
+            (|record| record.run.method = record::Method::Replay, "method: "),
             (|record| record.run.depth += 1, "most rays in a path: "),
             (|record| record.results[0].scene.triangles += 1, "scene sponza: its triangles"),
             (
@@ -120,6 +121,6 @@ mod tests {
             assert!(found.starts_with(expected) && found.contains("in b.json"), "{found}");
         }
         let other = Filter { variants: vec!["Wide4*".into()], ..Filter::default() };
-        assert!(against(&other, changes[5].0).is_empty(), "only what is drawn counts");
+        assert!(against(&other, changes[6].0).is_empty(), "only what is drawn counts");
     }
 }

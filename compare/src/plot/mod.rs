@@ -50,7 +50,7 @@ pub struct Arguments {
     /// Only pictures of this kind [may be given several times]
     #[arg(long, value_enum, value_name = "KIND")]
     pub only: Vec<Kind>,
-    /// Draw records of different devices, drivers, clocks or sizes together too, and say so below each picture
+    /// Draw records of different devices, drivers, clocks, methods or sizes together too, and say so below each picture
     #[arg(long)]
     pub anyway: bool,
     /// The variant that others are relative to.

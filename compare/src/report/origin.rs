@@ -4,7 +4,7 @@ use super::chapter::Chapter;
 use super::number::{bytes, count, gap, grouped, short, text};
 use crate::select;
 use maud::{Markup, html};
-use record::{DeviceKind, Parameters, Record};
+use record::{DeviceKind, Method, Parameters, Record};
 
 /// All in one line.
 pub fn line(record: &Record) -> Markup {
@@ -62,6 +62,9 @@ pub fn markup(chapter: &Chapter) -> Markup {
                 },
                 None => html! { (run.samples) " a view" },
             }))
+            @if run.method == Method::Replay {
+                (fact("Method", html! { "each sample launches the same rays of each bounce once more" }))
+            }
             (fact("Before them", html! { (run.warm_up) " to warm up" }))
             (fact("Path", html! { "at most " (count(run.depth as usize, "ray")) ", seed " (run.seed) }))
             @if let Some(sweep) = &record.sweep {

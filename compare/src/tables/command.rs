@@ -2,7 +2,7 @@
 
 use super::{Input, Kind, latex, markdown};
 use crate::{Exit, load::load, output::print, say, select::Filter};
-use record::{Rays, Record};
+use record::{Launches, Rays, Record};
 use std::path::PathBuf;
 
 /// What both commands take.
@@ -17,12 +17,15 @@ pub struct Arguments {
     /// Which points.
     #[command(flatten)]
     pub filter: Filter,
-    /// The variant that values in parentheses are relative to [default: Binary]
+    /// The variant that values are relative to [default: Binary, or what is in the first row of bounces and memory]
     #[arg(long, value_name = "VARIANT")]
     pub relative_to: Option<String>,
     /// Which rays decide what is best, where the axis does not say
     #[arg(long, value_enum, default_value_t = RaysArgument::All)]
     pub rays: RaysArgument,
+    /// In bounces, rates of the fastest launch of each view instead of the median one
+    #[arg(long)]
+    pub best: bool,
 }
 
 /// What `compare latex` takes.
@@ -80,6 +83,7 @@ fn written(arguments: &Arguments, write: impl Fn(&[super::Table]) -> String) -> 
     let records: Vec<Record> = arguments.records.iter().map(load).collect::<Result<_, _>>()?;
     let mut input = Input::new(&records, &arguments.filter, arguments.relative_to.as_deref())?;
     input.rays = arguments.rays.into();
+    input.launches = if arguments.best { Launches::Best } else { Launches::Median };
     let tables = arguments.table.tables(&input)?;
     for remark in input.remarks.borrow().iter() {
         say(remark);

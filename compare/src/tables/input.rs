@@ -1,7 +1,7 @@
 //! What tables are made of.
 
 use crate::select::{Entry, Filter, REFERENCE, Selection, differing, text};
-use record::{OF_SCENE, Parameters, Point, Rays, Record};
+use record::{Launches, OF_SCENE, Parameters, Point, Rays, Record};
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,6 +12,10 @@ pub struct Input<'r> {
     pub sources: Vec<Shown<'r>>,
     /// The variant that others are relative to.
     pub reference: String,
+    /// Whether somebody asked for that one.
+    pub asked: bool,
+    /// Which launches speak for a bounce.
+    pub launches: Launches,
     /// Rays that decide where both kinds are concerned.
     pub rays: Rays,
     /// What whoever reads the tables should know about how they came to be.
@@ -77,8 +81,14 @@ impl<'r> Input<'r> {
         if let Some(name) = reference {
             check_reference(sources.iter().map(|source| &source.all), name)?;
         }
-        let reference = reference.unwrap_or(REFERENCE).to_owned();
-        Ok(Input { sources, reference, rays: Rays::All, remarks: RefCell::default() })
+        Ok(Input {
+            sources,
+            asked: reference.is_some(),
+            reference: reference.unwrap_or(REFERENCE).to_owned(),
+            launches: Launches::default(),
+            rays: Rays::All,
+            remarks: RefCell::default(),
+        })
     }
 
     /// Says something once.

@@ -1,6 +1,9 @@
 //! Which tables there are.
 
-use super::{Input, Table, best, resources, scene, single_kernel, traversal_cost, workgroup};
+use super::{
+    Input, Table, best, bounces, memory, resources, scene, single_kernel, tests_per_ray, traversal_cost,
+    workgroup,
+};
 
 /// A kind of table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -17,12 +20,27 @@ pub enum Kind {
     Resources,
     /// Rates of separate kernels relative to a single one (3)
     SingleKernel,
+    /// Rates of bounces 0, 1, 4 and 8 relative to the first row's (Ylitie et al. 2017, tables 8 to 10)
+    Bounces,
+    /// Nodes and triangles that a ray is tested against, and bytes that it asks for, by bounce (the same, 1, 2, 7)
+    Tests,
+    /// Bytes of nodes for each triangle (the same, 6)
+    Memory,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Kind; 6] =
-        [Kind::Scene, Kind::Workgroup, Kind::TraversalCost, Kind::Best, Kind::Resources, Kind::SingleKernel];
+    pub const ALL: [Kind; 9] = [
+        Kind::Scene,
+        Kind::Workgroup,
+        Kind::TraversalCost,
+        Kind::Best,
+        Kind::Resources,
+        Kind::SingleKernel,
+        Kind::Bounces,
+        Kind::Tests,
+        Kind::Memory,
+    ];
 
     /// The tables of this kind that come of some records; at least one.
     ///
@@ -36,6 +54,9 @@ impl Kind {
             Kind::Best => best::tables(input),
             Kind::Resources => resources::tables(input),
             Kind::SingleKernel => single_kernel::tables(input),
+            Kind::Bounces => bounces::tables(input),
+            Kind::Tests => tests_per_ray::tables(input),
+            Kind::Memory => memory::tables(input),
         }
     }
 }

@@ -5,6 +5,7 @@
 //! and a variant of [`Kind`].
 
 mod best;
+mod bounces;
 mod cell;
 mod choice;
 pub mod command;
@@ -12,13 +13,16 @@ mod input;
 mod kind;
 pub mod latex;
 pub mod markdown;
+mod memory;
 mod method;
 mod resources;
+mod rows;
 #[cfg(test)]
 mod sample;
 mod scene;
 mod single_kernel;
 mod table;
+mod tests_per_ray;
 mod traversal_cost;
 mod workgroup;
 

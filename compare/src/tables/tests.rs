@@ -3,7 +3,7 @@
 use super::sample::{point, record, with};
 use super::{Input, Kind, latex, markdown};
 use crate::select::Filter;
-use record::{OccupancyLimit, Record};
+use record::{Count, Counters, Launch, Launches, Method, OccupancyLimit, Point, Record, Sample};
 
 /// Two scenes, three variants, a name that must be escaped, and gaps.
 fn scenes() -> Record {
@@ -98,6 +98,80 @@ fn both_ways() -> [Record; 2] {
     })
 }
 
+/// Launches of nine bounces: a binary tree, and a wide one that is varied in two ways; a scene whose paths end early.
+fn replayed() -> Record {
+    let mut record = record();
+    record.run.method = Method::Replay;
+    record.run.depth = 9;
+    record.results.clear();
+    for (scene, factor, bounces) in [("a", 1.0, 9), ("b", 4.0, 5)] {
+        let one = |variant: &str, rate: f64| {
+            let mut one = point(scene, variant, 1.0, 1.0);
+            let view = &mut one.views[0];
+            // By launch, the rate in the middle being the one that is asked for.
+            view.samples = [1.5, 0.5, 1.0]
+                .map(|luck| {
+                    let launch = |bounce: u32| Launch {
+                        rays: 1_000_000,
+                        milliseconds: 1e3 / (rate * factor * luck) * f64::from(1 + bounce),
+                    };
+                    Sample { depths: (0..bounces).map(launch).collect(), ..Sample::default() }
+                })
+                .into();
+            let count = |bounce: u64| Count {
+                rays: 1000,
+                nodes: 14_000 + 100 * bounce,
+                boxes: 112_000 + 800 * bounce,
+                triangles: 6_500 + 250 * bounce,
+            };
+            let depths = (0..u64::from(bounces)).map(count).collect();
+            view.counters = Some(Counters { depths });
+            one
+        };
+        let with_tree = |mut one: Point, nodes: u64, bytes: u64, children: f64, triangles: f64| {
+            one.scene.triangles = 100_000;
+            one.tree.nodes = nodes;
+            one.tree.node_bytes = nodes * bytes;
+            (one.tree.average_children, one.tree.average_triangles_per_leaf) = (children, triangles);
+            one.tree.leaves = (124_000.0 / triangles) as u64;
+            one.tree.triangle_bytes = 124_000 * 48;
+            one
+        };
+        record.results.push(with_tree(one("Binary", 400.0), 90_000, 64, 2.0, 3.48));
+        for (method, c_prim, rate, nodes) in
+            [("optimal", 0.3, 1000.0, 12_000), ("afra", 0.3, 900.0, 18_000), ("optimal", 1.0, 1020.0, 15_600)]
+        {
+            let own = with_tree(one("Wide8 Compressed", rate), nodes, 80, 7.51, 1.56);
+            let own = with(own, "contract.by-area", method);
+            record.results.push(with(own, "contract.c_prim", c_prim));
+        }
+    }
+    record
+}
+
+#[test]
+fn bounces_are_relative_to_the_first_row_or_to_another_variant() {
+    let records = [replayed()];
+    let table = |filter: &Filter, reference: Option<&str>, launches| {
+        let mut input = Input::new(&records, filter, reference).unwrap();
+        input.launches = launches;
+        let table = Kind::Bounces.tables(&input).unwrap().swap_remove(0);
+        let bounce_0: Vec<String> = table.rows.iter().map(|row| row.cells[2].to_string()).collect();
+        (bounce_0, table.caption, input.remarks.take())
+    };
+    let all = Filter::default();
+    let (rates, caption, remarks) = table(&all, None, Launches::Median);
+    assert_eq!(rates, ["100.0", "250.0", "225.0", "255.0"]);
+    // 400 on one scene and four times as many on the other.
+    assert!(caption.contains("relative to Binary") && caption.contains("800 for bounce 0"), "{caption}");
+    assert_eq!(remarks, ["b: left out for bounce 8, because not every row has that there"]);
+    assert!(table(&all, None, Launches::Best).1.contains("1200 for bounce 0"));
+    let wide = Filter { variants: vec!["Wide*".into()], ..Filter::default() };
+    assert_eq!(table(&wide, None, Launches::Median).0, ["100.0", "90.0", "102.0"]);
+    // Also where it is not shown itself.
+    assert_eq!(table(&wide, Some("Binary"), Launches::Median).0, ["250.0", "225.0", "255.0"]);
+}
+
 #[track_caller]
 fn written(records: &[Record], kind: Kind) -> String {
     let input = Input::new(records, &Filter::default(), None).unwrap();
@@ -114,6 +188,9 @@ fn each_kind_is_written_in_both_forms() {
     insta::assert_snapshot!("best", written(&[workgroups(), costs()], Kind::Best));
     insta::assert_snapshot!("resources", written(&[kernels()], Kind::Resources));
     insta::assert_snapshot!("single-kernel", written(&both_ways(), Kind::SingleKernel));
+    insta::assert_snapshot!("bounces", written(&[replayed()], Kind::Bounces));
+    insta::assert_snapshot!("tests", written(&[replayed()], Kind::Tests));
+    insta::assert_snapshot!("memory", written(&[replayed()], Kind::Memory));
 }
 
 #[test]
@@ -144,9 +221,19 @@ fn what_a_record_lacks_is_an_error_that_says_what_to_do() {
         let records = [record];
         let input = Input::new(&records, &Filter::default(), None).unwrap();
         match (kind, kind.tables(&input)) {
-            (Kind::Scene, tables) => assert_eq!(tables.unwrap().len(), 1),
+            (Kind::Scene | Kind::Bounces | Kind::Memory, tables) => assert_eq!(tables.unwrap().len(), 1),
+            (Kind::Tests, tables) => assert_eq!(tables.unwrap().len(), 2),
             (_, tables) => assert!(tables.unwrap_err().to_string().contains("runner"), "{kind:?}"),
         }
+    }
+    let mut record = record();
+    let view = &mut record.results[0].views[0];
+    view.counters = None;
+    view.samples.clear();
+    let records = [record];
+    let input = Input::new(&records, &Filter::default(), None).unwrap();
+    for kind in [Kind::Bounces, Kind::Tests] {
+        assert!(kind.tables(&input).unwrap_err().to_string().contains("runner"), "{kind:?}");
     }
 }
 
@@ -211,7 +298,7 @@ fn labels_are_there_once() {
     assert_eq!(labels.len(), 4, "{labels:?}");
 }
 
-fn unreliable(point: &mut record::Point) {
+fn unreliable(point: &mut Point) {
     let measurement = record::example().results.into_iter().find_map(|point| point.measurement).unwrap();
     point.measurement = Some(record::Measurement { unreliable: true, ..measurement });
 }

@@ -50,6 +50,28 @@ impl fmt::Display for Rays {
     }
 }
 
+/// The bounces that Ylitie et al. tell rates of (2017, table 9); 0 is the primary rays.
+pub const BOUNCES: [usize; 4] = [0, 1, 4, 8];
+
+/// Which of the launches of a bounce speaks for all of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Launches {
+    /// The fastest, which the rest of the system has disturbed least (Ylitie et al. 2017, section 5).
+    Best,
+    /// The one in the middle, which neither a lucky nor a disturbed one moves.
+    #[default]
+    Median,
+}
+
+impl fmt::Display for Launches {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.pad(match self {
+            Launches::Best => "best",
+            Launches::Median => "median",
+        })
+    }
+}
+
 impl Sample {
     /// Million rays per second of one wavefront; depth 0 is the primary rays.
     pub fn mrps(&self, depth: usize) -> Option<f64> {
@@ -77,6 +99,15 @@ impl View {
     /// A sample whose paths had all ended before that depth has no rate there and is left out.
     pub fn mrps(&self, depth: usize) -> Option<f64> {
         mean(self.counted().map(|sample| sample.mrps(depth)).filter(Option::is_some))
+    }
+
+    /// Million rays per second of one bounce, in the launch that speaks for those that count.
+    pub fn bounce(&self, bounce: usize, launches: Launches) -> Option<f64> {
+        let rates: Vec<f64> = self.counted().filter_map(|sample| sample.mrps(bounce)).collect();
+        match launches {
+            Launches::Best => rates.into_iter().reduce(f64::max),
+            Launches::Median => median(&rates),
+        }
     }
 
     /// The rates of the samples that count and have such rays.
@@ -109,6 +140,14 @@ impl Point {
     /// Million rays per second of one wavefront, averaged over the views that had such rays.
     pub fn mrps(&self, depth: usize) -> Option<f64> {
         mean(self.views.iter().map(|view| view.mrps(depth)).filter(Option::is_some))
+    }
+
+    /// Million rays per second of one bounce, in the launch of each view that speaks for the others, averaged over
+    /// the views that had such rays; nothing where a view has no sample that counts.
+    pub fn bounce(&self, bounce: usize, launches: Launches) -> Option<f64> {
+        let concerned =
+            |view: &&View| view.counted().next().is_none() || view.bounce(bounce, launches).is_some();
+        mean(self.views.iter().filter(concerned).map(|view| view.bounce(bounce, launches)))
     }
 
     /// Million rays per second, averaged over the views that had such rays; nothing where a view has no sample
@@ -176,6 +215,21 @@ impl Point {
 
     fn adaptations(&self) -> impl Iterator<Item = &Adaptation> {
         self.views.iter().filter_map(|view| view.adaptation.as_ref())
+    }
+}
+
+impl Point {
+    /// Bytes of nodes and of triangles that a ray of a wavefront asks for, whichever cache they come from.
+    pub fn bytes_per_ray(&self, met: &Count) -> Option<[f64; 2]> {
+        let cost = met.per_ray()?;
+        let node = self.of_trees(|tree| tree.node_bytes as f64 / tree.nodes.max(1) as f64);
+        let triangle = self.of_trees(|tree| {
+            // Where triangles were split, they are stored once for each leaf that refers to them.
+            let references = tree.leaves as f64 * tree.average_triangles_per_leaf;
+            let stored = if references > 0.0 { references } else { self.scene.triangles as f64 };
+            tree.triangle_bytes as f64 / stored.max(1.0)
+        });
+        Some([cost.nodes * node, cost.triangles * triangle])
     }
 }
 
@@ -316,6 +370,44 @@ mod tests {
         assert_eq!(point.primary_mrps(), Some(500.0));
         assert_eq!(point.secondary_mrps(), Some(300.0));
         assert_eq!(point.mrps(1), Some(300.0));
+    }
+
+    #[test]
+    fn the_best_or_the_middle_launch_speaks_for_a_bounce() {
+        let mut point = example().results[0].clone();
+        let mut view = point.views[0].clone();
+        let launch = |milliseconds| sample(&[(1_000_000, 1.0), (1_000_000, milliseconds)]);
+        let disturbed = Sample { excluded: Some(crate::Exclusion::Throttled), ..launch(0.5) };
+        view.samples = vec![launch(10.0), launch(1.0), disturbed, launch(2.0)];
+        let mut short = view.clone();
+        short.samples = vec![sample(&[(1_000_000, 2.0)])];
+        point.views = vec![view.clone(), short];
+        assert_eq!(point.bounce(0, Launches::Best), Some(750.0));
+        assert_eq!(point.bounce(1, Launches::Best), Some(1000.0), "of the view that has the bounce");
+        assert_eq!(point.bounce(1, Launches::Median), Some(500.0));
+        assert_eq!(point.bounce(2, Launches::Median), None);
+        view.samples.retain(|sample| sample.excluded.is_some());
+        point.views[1] = view;
+        assert_eq!(point.bounce(1, Launches::Best), None, "a view without a sample is not passed over");
+    }
+
+    #[test]
+    fn bytes_are_those_of_nodes_and_of_stored_triangles() {
+        let mut point = example().results[0].clone();
+        point.views.iter_mut().for_each(|view| view.adaptation = None);
+        (point.tree.nodes, point.tree.node_bytes) = (10, 800);
+        (point.tree.leaves, point.tree.average_triangles_per_leaf) = (50, 2.0);
+        (point.tree.triangle_bytes, point.scene.triangles) = (4800, 60);
+        let met = Count { rays: 2, nodes: 6, boxes: 0, triangles: 8 };
+        assert_eq!(
+            point.bytes_per_ray(&met),
+            Some([240.0, 192.0]),
+            "3 nodes of 80 and 4 triangles of 48 bytes"
+        );
+        // As in records whose writers did not know.
+        point.tree.average_triangles_per_leaf = 0.0;
+        assert_eq!(point.bytes_per_ray(&met), Some([240.0, 320.0]));
+        assert_eq!(point.bytes_per_ray(&Count::default()), None);
     }
 
     #[test]

@@ -30,6 +30,7 @@ pub fn example() -> Record {
         device: device(),
         shaders: [("traverse/binary".to_string(), "5f".repeat(32))].into(),
         run: Run {
+            method: Method::Paths,
             width: 640,
             height: 360,
             samples: 30,

@@ -33,7 +33,7 @@ mod telemetry;
 mod timestamp;
 mod validate;
 
-pub use derived::{PerRay, Rays, mean};
+pub use derived::{BOUNCES, Launches, PerRay, Rays, mean};
 pub use device::{Device, DeviceKind, Driver, Heap, Limits};
 pub use example::{example, example_report};
 pub use file::{Error, replace};
@@ -56,6 +56,7 @@ pub use validate::{Fault, Problem};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fmt;
 
 /// The number of the schema that this version writes, and the newest that it reads.
 pub const SCHEMA: u32 = 1;
@@ -105,7 +106,11 @@ pub struct Run {
     pub width: u32,
     /// Height of the picture in pixels.
     pub height: u32,
-    /// Measured path samples per pixel and view; where `stopping` decides, the most there can be.
+    /// How rays were launched; absent where whole paths were traced.
+    #[serde(default, skip_serializing_if = "Method::is_paths")]
+    pub method: Method,
+    /// Measured samples of a view, of paths or of launches as `method` says; where `stopping` decides, the most there
+    /// can be.
     pub samples: u32,
     /// Samples traced before the measured ones, and thrown away.
     pub warm_up: u32,
@@ -122,6 +127,33 @@ pub struct Run {
     /// How `stabilize` held the device's clocks; absent where it did not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub policy: Option<Policy>,
+}
+
+/// How rays are launched while they are timed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Each sample traces whole paths of its own, one a pixel (Cezner 2025, section 6.2).
+    #[default]
+    Paths,
+    /// The rays of each bounce of one path a pixel are collected, and each sample launches the same ones once more
+    /// (Ylitie et al. 2017, section 5).
+    Replay,
+}
+
+impl Method {
+    fn is_paths(&self) -> bool {
+        *self == Method::Paths
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.pad(match self {
+            Method::Paths => "paths",
+            Method::Replay => "replay",
+        })
+    }
 }
 
 /// Samples of a point go on until its rates are known well enough.

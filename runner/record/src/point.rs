@@ -198,7 +198,7 @@ pub struct Adaptation {
     pub tree: Tree,
 }
 
-/// One path sample of every pixel.
+/// One path sample of every pixel or, of the method `replay`, one launch of the rays of each bounce.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Sample {
     /// The traversal of each wavefront: primary rays first, then one entry per bounce.

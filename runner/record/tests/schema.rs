@@ -1,6 +1,6 @@
 //! Holds the generated JSON Schema against records: a sound one passes, a damaged one does not.
 
-use record::{Record, example, json_schema};
+use record::{Method, Record, example, json_schema};
 use serde_json::{Value, json};
 
 /// Checks a value against the parts of JSON Schema that schemars writes for our types, and returns
@@ -157,6 +157,20 @@ fn a_damaged_record_does_not_fit() {
         *value.pointer_mut(at).unwrap_or_else(|| panic!("no {at}")) = damage.clone();
         assert!(!misfits(&value).is_empty(), "{damage} at {at} fits");
     }
+}
+
+#[test]
+fn a_method_is_paths_where_none_is_named() {
+    let mut value = sound();
+    assert!(value["run"].get("method").is_none());
+    assert_eq!(serde_json::from_value::<Record>(value.clone()).unwrap().run.method, Method::Paths);
+    value["run"]["method"] = json!("replay");
+    assert_eq!(misfits(&value), Vec::<String>::new());
+    let record: Record = serde_json::from_value(value.clone()).unwrap();
+    assert_eq!(record.run.method, Method::Replay);
+    assert_eq!(serde_json::to_value(record).unwrap()["run"]["method"], "replay");
+    value["run"]["method"] = json!("guess");
+    assert!(!misfits(&value).is_empty());
 }
 
 #[test]

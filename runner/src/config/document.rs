@@ -2,6 +2,7 @@
 
 use super::{schema, units};
 use crate::size::Size;
+use record::Method;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{
     Deserialize, Deserializer,
@@ -11,8 +12,6 @@ use serde_json::Value;
 use std::{collections::BTreeMap, fmt, path::PathBuf, str::FromStr};
 use toml::Spanned;
 
-/// Most rays in a path where none is said: the thesis's.
-pub const DEPTH: u32 = 8;
 /// Warm-up samples where nothing is said.
 pub const WARM_UP: u32 = 1;
 /// Precision that is aimed at where nothing is said.
@@ -48,8 +47,12 @@ pub struct Document {
     #[serde(default, deserialize_with = "parsed")]
     #[schemars(with = "Option<String>", regex(pattern = "^\\s*[0-9]+\\s*[xX]\\s*[0-9]+\\s*$"), extend("examples" = ["1920x1080"]))]
     pub size: Option<Size>,
-    /// Most rays in a path, the primary ray included.
-    #[schemars(range(min = 1, max = 64), extend("default" = DEPTH))]
+    /// How rays are launched while they are timed: "paths", where each sample traces whole paths of its own, or
+    /// "replay", where it launches the same rays of each bounce once more.
+    #[schemars(with = "Option<String>", extend("enum" = ["paths", "replay"], "default" = "paths"))]
+    pub method: Option<Method>,
+    /// Most rays in a path, the primary ray included. 8 when left out, and 9 with the method "replay".
+    #[schemars(range(min = 1, max = 64))]
     pub depth: Option<u32>,
     /// Seed of all random numbers that paths take.
     #[schemars(range(max = u32::MAX), extend("default" = 0))]
@@ -60,7 +63,8 @@ pub struct Document {
     /// Samples traced before those that count and thrown away.
     #[schemars(range(max = u32::MAX), extend("default" = WARM_UP))]
     pub warm_up: Option<u32>,
-    /// Path samples a pixel and view: exactly so many, or a table that says when they are enough.
+    /// Path samples a pixel and view, or launches of each bounce: exactly so many, or a table that says when they
+    /// are enough. 10 launches with the method "replay" when left out.
     #[schemars(with = "Option<SamplesEntry>", extend("examples" = [15]))]
     pub samples: Option<Spanned<SamplesEntry>>,
     /// In which order points are measured.

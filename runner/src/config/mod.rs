@@ -31,11 +31,12 @@ pub use experiment::Experiment;
 pub use set::Set;
 pub use setup::Setup;
 
-use crate::{size::Size, variant::Variant};
+use crate::{measure, size::Size, variant::Variant};
 use anyhow::bail;
 use axis::Axis;
 use only::Only;
 use reader::Reader;
+use record::Method;
 use serde::{Serialize, Serializer};
 use std::{
     path::{Path, PathBuf},
@@ -56,8 +57,10 @@ pub struct Config {
     pub views: Option<String>,
     /// Picture size; by the kind of the device when left out.
     pub size: Option<Size>,
-    /// Most rays in a path.
-    pub depth: u32,
+    /// How rays are launched while they are timed.
+    pub method: Method,
+    /// Most rays in a path; by the method when left out.
+    pub depth: Option<u32>,
     /// Seed of all random numbers of paths.
     pub seed: u32,
     /// Measured builds of each tree; by the kind of the device when left out.
@@ -114,7 +117,8 @@ impl Default for Config {
             variants: Vec::new(),
             views: None,
             size: None,
-            depth: document::DEPTH,
+            method: Method::default(),
+            depth: None,
             seed: 0,
             builds: None,
             warm_up: document::WARM_UP,
@@ -142,6 +146,11 @@ impl Config {
     /// How many views are listed; nothing where a scene's own number decides.
     pub fn view_count(&self) -> Option<usize> {
         views::each(self.views.as_ref()?).ok().map(|views| views.len())
+    }
+
+    /// Most rays in a path.
+    pub fn depth(&self) -> u32 {
+        self.depth.unwrap_or(measure::depth(self.method))
     }
 
     /// The parameters that are varied, each once.

@@ -134,6 +134,7 @@ impl<'s> Reader<'s> {
             variants,
             views,
             size,
+            method,
             depth,
             seed,
             builds,
@@ -168,7 +169,8 @@ impl<'s> Reader<'s> {
             config.views = Some(views.into_inner());
         }
         config.size = size.or(config.size);
-        replace(&mut config.depth, depth);
+        replace(&mut config.method, method);
+        config.depth = depth.or(config.depth);
         replace(&mut config.seed, seed);
         config.builds = builds.or(config.builds);
         replace(&mut config.warm_up, warm_up);

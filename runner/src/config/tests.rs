@@ -42,7 +42,8 @@ const SMALL: &str = "scenes = [\"city\"]\nvariants = [\"Binary\", \"Wide4\"]\n";
 fn what_is_left_out_has_its_default() {
     let config = load(SMALL, &[]).unwrap();
     assert_eq!(config.title, "a");
-    assert_eq!((config.depth, config.seed, config.warm_up), (8, 0, 1));
+    assert_eq!((config.method, config.depth(), config.seed, config.warm_up), (Method::Paths, 8, 0, 1));
+    assert_eq!(load(SMALL, &["method=replay"]).unwrap().depth(), 9);
     assert_eq!((config.views.as_ref(), config.size, config.builds), (None, None, None));
     let Samples { least, most, half_width, time, least_clock } = config.samples;
     assert_eq!((least, most, half_width, least_clock), (None, None, 0.01, 0.95));
@@ -60,6 +61,7 @@ fn everything_that_is_said_arrives() {
         variants = ["wide6*cbtc", "Wide6 CBTC", "!* Slang *"]
         views = "0-3"
         size = "640x360"
+        method = "replay"
         depth = 4
         seed = 9
         builds = 2
@@ -74,7 +76,7 @@ fn everything_that_is_said_arrives() {
     assert_eq!(names, ["Wide6 CBTC", "Wide6 Quantized CBTC"]);
     assert_eq!((config.views.as_deref(), config.builds), (Some("0-3"), Some(2)));
     assert_eq!(config.size, Some(Size { width: 640, height: 360 }));
-    assert_eq!((config.depth, config.seed, config.warm_up), (4, 9, 0));
+    assert_eq!((config.method, config.depth(), config.seed, config.warm_up), (Method::Replay, 4, 9, 0));
     let Samples { least, most, half_width, time, least_clock } = config.samples;
     assert_eq!((least, most, half_width, least_clock), (Some(5), Some(60), 0.025, 0.9));
     assert_eq!((time, config.order), (Duration::from_secs(120), Order { seed: 7, reference_every: 0 }));
@@ -195,7 +197,7 @@ fn an_include_says_what_the_file_does_not() {
     ]);
     let config = open(&files, &[]).unwrap();
     assert_eq!(config.scenes, ["city"]);
-    assert_eq!((config.depth, config.seed, config.builds), (5, 3, Some(4)));
+    assert_eq!((config.depth(), config.seed, config.builds), (5, 3, Some(4)));
     assert_eq!((config.samples.least, config.samples.most), (Some(5), Some(9)), "key by key");
     let point = config.points().unwrap().remove(0);
     assert_eq!(point.key(), "city | Wide8 | collapse.c_t=1");
@@ -206,7 +208,7 @@ fn an_include_says_what_the_file_does_not() {
     let path = files.path().join("a.toml");
     let last = [files.path().join("e.toml")];
     let config = Config::load(&path, &last, &[], &SearchPath::only([])).unwrap();
-    assert_eq!((config.depth, config.samples.least), (6, Some(2)), "as if it were listed last");
+    assert_eq!((config.depth(), config.samples.least), (6, Some(2)), "as if it were listed last");
     assert_eq!(config.points().unwrap()[0].params.contract.alpha, 0.75);
 }
 
@@ -333,6 +335,7 @@ const MISTAKES: &[(&str, &str, &[&str])] = &[
     ("samples = { least-clock = \"140%\" }", "3:27", &["100%"]),
     ("samples = { least = 5, most = 4 }", "3:11", &["`least` (5) is more than `most` (4)"]),
     ("depth = 65", "3:9", &["from 1 to 64", "not 65"]),
+    ("method = \"replays\"", "3:10", &["no `method` \"replays\"", "replay"]),
     ("depth = 1.5", "3:9", &["a whole number from 1 to 64", "not a number"]),
     ("seed = -1", "3:8", &["from 0", "not -1"]),
     ("builds = 0", "3:10", &["from 1"]),
@@ -655,7 +658,22 @@ fn every_config_of_the_project_says_what_it_should() {
     let generated = |scene: &String| ["sphereflake", "city"].contains(&scene.as_str());
     assert!(load("quick.toml").scenes.iter().all(generated));
     assert!(load("workgroup.toml").scenes.contains(&"sphereflake".to_owned()));
-    assert_eq!(files.len(), 9, "{files:?}");
+    // One at a time, and the first point has all defaults.
+    for (name, points) in [("ylitie-table8.toml", 4 + 2 + 6), ("ylitie-table10.toml", 6 + 5 + 2 + 4)] {
+        let config = load(name);
+        assert_eq!((config.method, config.depth()), (Method::Replay, 9), "{name}");
+        let scene = |setup: &&Setup| setup.scene == "sphereflake";
+        let all = config.points().unwrap();
+        let own: Vec<&Setup> = all.iter().filter(scene).collect();
+        assert_eq!(own.len(), points, "{name}");
+        let defaults = crate::params::Params::of(own[0].variant).by_name();
+        assert!(
+            own[0].axes.0.iter().all(|(axis, value)| defaults.get(axis) == Some(value)),
+            "{name}: {}",
+            own[0]
+        );
+    }
+    assert_eq!(files.len(), 16, "{files:?}");
 }
 
 #[test]
@@ -673,7 +691,7 @@ fn the_examples_of_the_manual_are_right() {
         points.push(config.points().unwrap().len());
     }
     // As the text below the example counts them.
-    assert_eq!(points, [2 * (2 * 3 * 4 + 3 * 3)]);
+    assert_eq!(points, [2 * (2 * 3 * 4 + 3 * 3), 2 * (2 + 1 + 3)]);
 }
 
 #[test]

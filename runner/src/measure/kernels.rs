@@ -1,6 +1,7 @@
 //! The traversal kernels of a variant.
 
 use crate::{params::Params, resources, session::Session, variant::Variant};
+use anyhow::bail;
 use tracer::{
     path::{self, Camera, PathTracer, SingleKernel},
     traverse::{self, Counting, Traversal, Tree},
@@ -41,6 +42,20 @@ impl Kernels {
     /// Entries of the traversal stack they were compiled with.
     pub fn stack(&self) -> u32 {
         self.counting.stack()
+    }
+
+    /// Those of single bounces.
+    ///
+    /// # Errors
+    /// One kernel traces whole paths.
+    pub fn separate(&self) -> anyhow::Result<&Traversal> {
+        match &self.timed {
+            Timed::Separate(traversal) => Ok(traversal),
+            Timed::Single(_) => bail!(
+                "the method replay launches each bounce by itself, and with trace.kernels=single one kernel traces \
+                 whole paths"
+            ),
+        }
     }
 
     pub fn recorded(&self) -> Vec<record::Kernel> {

@@ -4,11 +4,12 @@
 mod held;
 mod kernels;
 mod settle;
+mod shots;
 mod start;
 mod stop;
 
 pub use held::Held;
-pub use start::{Defaults, LEAST_CLOCK, begin, clock, telemetry};
+pub use start::{Defaults, LAUNCHES, LEAST_CLOCK, begin, clock, depth, telemetry};
 pub use stop::Sampling;
 
 use crate::{
@@ -19,7 +20,8 @@ use crate::{
     variant::Variant,
 };
 use kernels::Kernels;
-use record::{Adaptation, Build, Count, Counters, Exclusion, Launch, Measurement, Point, Stop, Timestamp};
+use record::{Adaptation, Build, Count, Counters, Exclusion, Measurement, Method, Point, Stop, Timestamp};
+use shots::Shots;
 use std::time::{Duration, Instant};
 use stop::Verdict;
 use tracer::{
@@ -32,6 +34,8 @@ use tracer::{
 pub struct Plan {
     /// Width and height of the picture.
     pub size: (u32, u32),
+    /// What a sample is.
+    pub method: Method,
     /// What a path is.
     pub path: path::Params,
     /// Measured builds of each tree.
@@ -98,12 +102,6 @@ impl Watch for Unwatched {
     }
 }
 
-/// A view while it is measured.
-struct Seen {
-    camera: Camera,
-    record: record::View,
-}
-
 impl Measuring<'_> {
     /// Measures the point; nothing where it was interrupted before a view was complete.
     ///
@@ -143,7 +141,7 @@ impl Measuring<'_> {
         let tracer = PathTracer::new(&self.session.gpu, &self.loaded.device, plan.size, &plan.path, true)?;
         tracer.clear()?;
         let mut kernels: Option<Kernels> = None;
-        let mut seen: Vec<Seen> = Vec::new();
+        let mut seen: Vec<record::View> = Vec::new();
         // The first round gives each view the fewest samples. Later ones add to them until the rates are known
         // well enough: they go over all views again, so that a slow change of the device meets all alike.
         let mut goal = plan.sampling.least;
@@ -168,15 +166,16 @@ impl Measuring<'_> {
                     kernels = Some(Kernels::new(self.session, &tree, self.variant, self.params)?);
                 }
                 let kernels = kernels.as_ref().expect("compiled above");
-                // Compiling the kernels has left it idle.
-                let (begun, least) = if compiled {
-                    (begun, plan.busy_before_view)
-                } else {
-                    (Instant::now(), plan.busy_before_point)
+                let shots = Shots::new(plan.method, self.session, &tracer, kernels, &tree, &camera)?;
+                // Compiling the kernels has left it idle, and so has collecting rays.
+                let (begun, least) = match plan.method {
+                    _ if !compiled => (Instant::now(), plan.busy_before_point),
+                    Method::Replay => (Instant::now(), plan.busy_before_view),
+                    Method::Paths => (begun, plan.busy_before_view),
                 };
                 if first {
                     let before = self.telemetry.sample();
-                    let record = record::View {
+                    seen.push(record::View {
                         name: view.name.clone(),
                         adaptation,
                         samples: Vec::new(),
@@ -184,31 +183,29 @@ impl Measuring<'_> {
                         after: before.clone(),
                         before,
                         pictures: Vec::new(),
-                    };
-                    seen.push(Seen { camera, record });
+                    });
                 }
                 let own = &mut seen[which];
                 let deadline = (!first).then_some(plan.sampling.time.saturating_sub(clock.elapsed()));
-                let whole =
-                    self.samples(own, (begun, least), goal, deadline, &tracer, kernels, &tree, watch)?;
+                let whole = self.samples(own, (begun, least), goal, deadline, &shots, watch)?;
                 if first && !whole {
                     // What there is of it would be fewer samples than was asked for.
                     seen.pop();
                     break 'rounds Stop::Interrupted;
                 }
                 if first && plan.counting {
-                    let counts = tracer.count(&kernels.counting, &tree, &own.camera, 0)?;
+                    let counts = tracer.count(&kernels.counting, &tree, &camera, 0)?;
                     let depths = counts.iter().map(|c| Count {
                         rays: c.rays,
                         nodes: c.nodes,
                         boxes: c.boxes,
                         triangles: c.triangles,
                     });
-                    own.record.counters = Some(Counters { depths: depths.collect() });
+                    own.counters = Some(Counters { depths: depths.collect() });
                     watch.sample();
                 }
                 point.kernels = kernels.recorded();
-                point.views = seen.iter().map(|seen| seen.record.clone()).collect();
+                point.views = seen.clone();
                 watch.progress(&point)?;
                 if watch.interrupted() {
                     break 'rounds Stop::Interrupted;
@@ -261,23 +258,19 @@ impl Measuring<'_> {
     /// Adds samples to a view until `goal` of them count, or there are as many as there may be, or `deadline`
     /// has passed. The device has been busy since `begun`, and is to be for at `least` so long before. False
     /// where the user stopped it.
-    #[expect(clippy::too_many_arguments, reason = "all of it changes from view to view")]
     fn samples(
         &self,
-        seen: &mut Seen,
+        view: &mut record::View,
         (begun, least): (Instant, Duration),
         goal: u32,
         deadline: Option<Duration>,
-        tracer: &PathTracer<'_>,
-        kernels: &Kernels,
-        tree: &Tree,
+        shots: &Shots<'_>,
         watch: &mut dyn Watch,
     ) -> anyhow::Result<bool> {
         let plan = self.plan;
-        let (view, camera) = (&mut seen.record, &seen.camera);
         let mut warmed = 0;
         while warmed < plan.warm_up || (plan.warm_up > 0 && begun.elapsed() < least) {
-            kernels.sample(tracer, tree, camera, u32::MAX - 1 - warmed)?;
+            shots.sample(u32::MAX - 1 - warmed)?;
             warmed += 1;
         }
         if view.samples.is_empty() {
@@ -291,11 +284,10 @@ impl Measuring<'_> {
             if watch.interrupted() {
                 return Ok(false);
             }
-            let measured = kernels.sample(tracer, tree, camera, view.samples.len() as u32)?;
+            let depths = shots.sample(view.samples.len() as u32)?;
             let moment = self.telemetry.moment();
-            let depths = measured.waves.iter().map(|w| Launch { rays: w.rays, milliseconds: w.milliseconds });
             view.samples.push(record::Sample {
-                depths: depths.collect(),
+                depths,
                 sm_clock_mhz: moment.sm_clock_mhz,
                 excluded: slowed(&moment, plan.clock.as_ref()),
             });

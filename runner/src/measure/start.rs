@@ -2,7 +2,7 @@
 
 use super::{Held, Plan};
 use crate::{describe, host, session::Session, size::Size, telemetry::Telemetry};
-use record::{Clock, ClockKind, Record};
+use record::{Clock, ClockKind, Method, Record};
 use tracer::gpu::{DeviceKind, shaders};
 
 /// What depends on the sort of device where nobody chose.
@@ -13,6 +13,17 @@ pub struct Defaults {
     pub size: Size,
     /// Measured builds of each tree.
     pub builds: u32,
+}
+
+/// Launches of each bounce where nobody says how many (Ylitie et al. 2017, section 5).
+pub const LAUNCHES: u32 = 10;
+
+/// Most rays in a path where nobody says: the thesis's, or those of bounces 0 to 8 where bounces are looked at.
+pub fn depth(method: Method) -> u32 {
+    match method {
+        Method::Paths => 8,
+        Method::Replay => 9,
+    }
 }
 
 impl Defaults {
@@ -47,6 +58,7 @@ pub fn clock(telemetry: &Telemetry, held: &Held, locked_mhz: Option<u32>, least_
 pub fn begin(session: &Session, plan: &Plan, host_name: bool) -> Record {
     let sampling = &plan.sampling;
     let run = record::Run {
+        method: plan.method,
         width: plan.size.0,
         height: plan.size.1,
         samples: sampling.most,

@@ -23,7 +23,7 @@ use estimate::{Speed, spoken};
 use event::{Event, Events};
 use indicatif::ProgressBar;
 use journal::{Contents, Entry, Header, Journal};
-use record::{Point, Rays, Record};
+use record::{Method, Point, Rays, Record};
 use scenes::Scenes;
 use std::{
     io::IsTerminal,
@@ -168,16 +168,22 @@ pub fn sweep(global: &Global, arguments: &args::Sweep) -> anyhow::Result<()> {
 /// What is the same for all points.
 fn plan(config: &Config, defaults: &Defaults, held: Held, clock: Option<record::Clock>) -> Plan {
     let samples = &config.samples;
-    let (least, most) = if defaults.cpu { (3, 12) } else { (5, 60) };
+    let (least, most) = match config.method {
+        Method::Replay => (measure::LAUNCHES, measure::LAUNCHES),
+        Method::Paths if defaults.cpu => (3, 12),
+        Method::Paths => (5, 60),
+    };
     let least = samples.least.unwrap_or(least.min(samples.most.unwrap_or(least)));
     let size = config.size.unwrap_or(defaults.size);
     Plan {
         size: (size.width, size.height),
-        path: path::Params { depth: config.depth, seed: config.seed },
+        method: config.method,
+        path: path::Params { depth: config.depth(), seed: config.seed },
         builds: config.builds.unwrap_or(defaults.builds),
         warm_up: config.warm_up,
         busy_before_point: if defaults.cpu { Duration::ZERO } else { BUSY },
-        busy_before_view: Duration::ZERO,
+        // While rays are collected the GPU waits for the host.
+        busy_before_view: if defaults.cpu || config.method == Method::Paths { Duration::ZERO } else { BUSY },
         sampling: Sampling {
             least,
             most: samples.most.unwrap_or(most.max(least)),

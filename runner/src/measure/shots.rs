@@ -1,0 +1,83 @@
+//! What a sample is: whole paths of its own, or the rays of every bounce launched once more.
+
+use super::kernels::Kernels;
+use crate::session::{Session, TraceMemory};
+use record::{Launch, Method};
+use tracer::{
+    path::{Camera, PathTracer},
+    traverse::{Tree, Wave},
+};
+
+/// The samples of one view.
+pub struct Shots<'a> {
+    session: &'a Session,
+    tracer: &'a PathTracer<'a>,
+    kernels: &'a Kernels,
+    tree: &'a Tree,
+    camera: &'a Camera,
+    /// Of the method that replays them, the rays of each bounce.
+    bounces: Option<Vec<TraceMemory>>,
+}
+
+impl<'a> Shots<'a> {
+    /// Of a view that is seen through a tree. The rays that are to be launched again and again are collected here:
+    /// those of the first sample's paths, in the order of their pixels, so that they are the same from run to run.
+    ///
+    /// # Errors
+    /// Too little memory, or the device failed.
+    pub fn new(
+        method: Method,
+        session: &'a Session,
+        tracer: &'a PathTracer<'a>,
+        kernels: &'a Kernels,
+        tree: &'a Tree,
+        camera: &'a Camera,
+    ) -> anyhow::Result<Self> {
+        let bounces = match method {
+            Method::Paths => None,
+            Method::Replay => {
+                let mut bounces = Vec::new();
+                let mut failed = None;
+                // A traversal that counts meets the same rays, and is there whichever kernels are timed.
+                tracer.wavefronts(&kernels.counting, tree, camera, 0, |wave| {
+                    if !wave.rays.is_empty() {
+                        match TraceMemory::new(&session.gpu, &wave.rays) {
+                            Ok(memory) => bounces.push(memory),
+                            Err(error) => failed = Some(error),
+                        }
+                    }
+                    failed.is_none()
+                })?;
+                if let Some(error) = failed {
+                    return Err(error);
+                }
+                Some(bounces)
+            }
+        };
+        Ok(Self { session, tracer, kernels, tree, camera, bounces })
+    }
+
+    /// Takes a sample; where paths are traced, those of this number.
+    ///
+    /// # Errors
+    /// The device failed.
+    pub fn sample(&self, sample: u32) -> anyhow::Result<Vec<Launch>> {
+        match &self.bounces {
+            None => {
+                let measured = self.kernels.sample(self.tracer, self.tree, self.camera, sample)?;
+                let waves = measured.waves.iter();
+                Ok(waves.map(|wave| Launch { rays: wave.rays, milliseconds: wave.milliseconds }).collect())
+            }
+            // Bounce after bounce in every sample, so that a slow change of the device meets all of them alike.
+            Some(bounces) => {
+                let traversal = self.kernels.separate()?;
+                let launch = |(bounce, rays): (usize, &TraceMemory)| {
+                    let wave = Wave::at(bounce);
+                    let milliseconds = rays.launch(&self.session.gpu, traversal, self.tree, wave)?;
+                    Ok(Launch { rays: rays.count() as u64, milliseconds })
+                };
+                bounces.iter().enumerate().map(launch).collect()
+            }
+        }
+    }
+}
