@@ -9,8 +9,9 @@ use std::{
 };
 use tempfile::TempDir;
 use tracer::{
+    layout::LeafTriangles,
     scene::{self, SearchPath},
-    traverse::{Hit, Ray, cpu},
+    traverse::{Hit, Ray, TriangleTest, cpu},
 };
 
 /// The program, to run in a folder, with no scenes but those that are built in.
@@ -381,8 +382,9 @@ fn rays_and_hits(at: &Path, spec: &str, more: &str, scene: &scene::Scene, depth:
     for ((ray, a), b) in rays.iter().zip(&first).zip(&again) {
         assert!(a == b || near(a.t, b.t, 1e-6), "{spec}: {ray:?}: {a:?}, then {b:?}");
     }
+    let triangles = LeafTriangles::in_file_order(TriangleTest::default(), &scene.positions);
     for (ray, hit) in rays.iter().zip(&first).step_by(step) {
-        let mut want = cpu::brute_force(&scene.positions, ray);
+        let mut want = cpu::brute_force(&triangles, ray);
         if want.triangle != Hit::MISS {
             want.t = cpu::refine(ray, &scene.positions[want.triangle as usize], want.t);
         }
@@ -472,6 +474,14 @@ fn a_user_validates_a_scene() {
         assert_eq!(found.matches(&format!(": {what}: ")).count(), built(), "{what}: {found}");
     }
     assert!(found.trim_end().ends_with("everything holds") && !found.contains("FAILED"), "{found}");
+    for test in ["moeller-trumbore", "woop"] {
+        let line = format!(
+            "validate cornell:triangles=300 --size 24x14 --variant Binary --variant Wide6* --validate \
+             --set triangle.test={test}"
+        );
+        let found = text(&works(here.path(), &line).stdout);
+        assert!(found.trim_end().ends_with("everything holds") && !found.contains("FAILED"), "{found}");
+    }
 }
 
 #[test]

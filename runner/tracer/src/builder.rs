@@ -13,11 +13,11 @@ use crate::{
     collapse::{Collapse, CollapseParams, Subtree},
     contract::{self, Contract, ContractParams, Form, Progress, VisitCounter, Visits, WideBuffers, WideBvh},
     gpu::{Buffer, Error, Gpu, Pass, Timings},
-    layout::{self, Encode, Layout, LayoutParams, LeafTriangle, NodeLayout},
+    layout::{self, Encode, Layout, LayoutParams, NodeLayout, TriangleBuffers},
     morton::{BOUNDS_BYTES, Morton, MortonParams, SceneBounds},
     ploc::{Ploc, PlocBuffers, PlocParams},
     sort::{Sort, SortBuffers},
-    traverse::Tree,
+    traverse::{Tree, TriangleParams},
 };
 use serde::{Deserialize, Serialize};
 use std::{cell::Cell, ops::Range};
@@ -36,6 +36,8 @@ pub struct BuildParams {
     pub contract: ContractParams,
     /// How nodes are stored.
     pub layout: LayoutParams,
+    /// How triangles are stored, and tested.
+    pub triangle: TriangleParams,
 }
 
 /// Why a build was refused or failed.
@@ -132,8 +134,8 @@ pub struct WideWorkspace {
     stride: usize,
     /// In the layout, a stride apart; `Summary` says how many.
     pub nodes: Buffer,
-    /// Of [`LeafTriangle`], as many as there are triangles.
-    pub triangles: Buffer,
+    /// In the order of leaves, as many as there are triangles.
+    pub triangles: TriangleBuffers,
 }
 
 /// A tree in numbers that a build leaves for the host to read.
@@ -375,7 +377,7 @@ impl Widen {
         Ok(Self {
             gpu: gpu.clone(),
             contract: Contract::new(gpu, layout.arity(), &params.contract)?,
-            encode: Encode::new(gpu, layout, &params.layout)?,
+            encode: Encode::new(gpu, layout, &params.layout, params.triangle.test)?,
         })
     }
 
@@ -398,9 +400,7 @@ impl Widen {
             layout: self.encode.layout(),
             stride: self.encode.stride(),
             nodes: self.gpu.buffer("nodes", bytes)?,
-            triangles: self
-                .gpu
-                .buffer("triangles in leaf order", (size_of::<LeafTriangle>() * capacity) as u64)?,
+            triangles: self.encode.triangles(&self.gpu, capacity)?,
         })
     }
 
@@ -505,7 +505,9 @@ impl WideWorkspace {
     pub fn tree(&self, summary: &Summary, extent: f32) -> Tree {
         Tree {
             nodes: self.nodes.address(),
-            triangles: self.triangles.address(),
+            triangles: self.triangles.stored.address(),
+            indices: self.triangles.indices_address(),
+            test: self.triangles.test(),
             layout: self.layout,
             stride: self.stride,
             stack: summary.stack,

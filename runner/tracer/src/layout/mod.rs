@@ -1,14 +1,15 @@
 //! Trees as traversal kernels read them.
 //!
 //! A layout decides how a node is stored, not which boxes share it. Whatever the layout, node 0 is the
-//! root, a node holds its children's boxes, and a leaf is a run of [`LeafTriangle`]s in a buffer of their
-//! own. [`NodeLayout`] decodes that much, and the validator, the statistics and traversal on the CPU are
+//! root, a node holds its children's boxes, and a leaf is a run of triangles in a buffer of their own, which are
+//! stored as the ray-triangle test wants them: [`LeafTriangles`]. [`NodeLayout`] decodes that much, and the validator, the statistics and traversal on the CPU are
 //! written once over it.
 
 use crate::{
     bvh2::{Aabb, Bvh2Buffers, Triangle},
     contract::WideBuffers,
     gpu::{Buffer, Error, Gpu, Kernel, Pass, groups, shaders},
+    traverse::TriangleTest,
 };
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
@@ -17,9 +18,11 @@ use std::mem::offset_of;
 pub mod binary;
 pub mod cpu;
 pub mod quantized;
+mod triangles;
 pub mod wide;
 
 pub use crate::permutations::Layout;
+pub use triangles::{LeafTriangles, UnitTriangle};
 
 /// Runs an expression with `$L` standing for the [`NodeLayout`] of a [`Layout`].
 #[macro_export]
@@ -196,6 +199,7 @@ pub struct Encode {
     triangles: Kernel,
     layout: Layout,
     stride: usize,
+    test: TriangleTest,
 }
 
 const WORKGROUP: u32 = 128;
@@ -217,27 +221,29 @@ struct TrianglesPush {
     progress: u64,
     triangles: u64,
     leaf_triangles: u64,
+    indices: u64,
     leaves: u32,
     arity: u32,
 }
 
 impl Encode {
-    /// Compiles the kernels.
+    /// Compiles the kernels, which store triangles for a test.
     ///
     /// # Errors
     /// The driver's compiler failed.
     ///
     /// # Panics
     /// `align` is not 4, 8 or 16.
-    pub fn new(gpu: &Gpu, layout: Layout, params: &LayoutParams) -> Result<Self, Error> {
+    pub fn new(gpu: &Gpu, layout: Layout, params: &LayoutParams, test: TriangleTest) -> Result<Self, Error> {
         assert!([4, 8, 16].contains(&params.align), "nodes are aligned to 4, 8 or 16 bytes");
         let size = WORKGROUP.min(gpu.info().max_workgroup_size);
         let stride = layout.stride(params);
         Ok(Self {
             nodes: Kernel::new(gpu, shaders::layout_encode(layout), size, &[stride as u32])?,
-            triangles: Kernel::new(gpu, &shaders::LAYOUT_TRIANGLES, size, &[])?,
+            triangles: Kernel::new(gpu, &shaders::LAYOUT_TRIANGLES, size, &[test.takes_maps().into()])?,
             layout,
             stride,
+            test,
         })
     }
 
@@ -251,9 +257,34 @@ impl Encode {
         self.stride
     }
 
+    /// The test that triangles are stored for.
+    pub fn test(&self) -> TriangleTest {
+        self.test
+    }
+
+    /// Allocates for up to `capacity` triangles in the order of their leaves.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn triangles(&self, gpu: &Gpu, capacity: usize) -> Result<TriangleBuffers, Error> {
+        let bytes = (size_of::<LeafTriangle>() * capacity) as u64;
+        let indices = || gpu.buffer("indices in leaf order", (size_of::<u32>() * capacity) as u64);
+        Ok(TriangleBuffers {
+            stored: gpu.buffer("triangles in leaf order", bytes)?,
+            indices: self.test.takes_maps().then(indices).transpose()?,
+            test: self.test,
+        })
+    }
+
     /// Writes the nodes to `nodes_out`, which has room for `wide.capacity()` of them, and the triangles in the
     /// order of their leaves to `leaf_triangles`.
-    pub fn record(&self, pass: &mut Pass, input: &Input<'_>, nodes_out: &Buffer, leaf_triangles: &Buffer) {
+    pub fn record(
+        &self,
+        pass: &mut Pass,
+        input: &Input<'_>,
+        nodes_out: &Buffer,
+        leaf_triangles: &TriangleBuffers,
+    ) {
         let Input { tree, wide, triangles, count } = *input;
         // Most of these workgroups find nothing to do, which costs less than another indirect dispatch.
         let groups = groups(wide.capacity(), WORKGROUP).min(MOST_GROUPS);
@@ -269,11 +300,47 @@ impl Encode {
             wide: wide.nodes.address(),
             progress: wide.progress.address(),
             triangles: triangles.address(),
-            leaf_triangles: leaf_triangles.address(),
+            leaf_triangles: leaf_triangles.stored.address(),
+            indices: leaf_triangles.indices_address(),
             leaves: u32::try_from(count).expect("at most MAX_TRIANGLES"),
             arity: self.layout.arity() as u32,
         };
         pass.dispatch("triangles", &self.triangles, &push, groups);
+    }
+}
+
+/// Device memory of [`LeafTriangles`].
+#[derive(Debug)]
+pub struct TriangleBuffers {
+    /// Of [`LeafTriangle`] or [`UnitTriangle`]: which, the test says.
+    pub stored: Buffer,
+    /// With maps, u32.
+    indices: Option<Buffer>,
+    test: TriangleTest,
+}
+
+impl TriangleBuffers {
+    /// What they are stored for.
+    pub fn test(&self) -> TriangleTest {
+        self.test
+    }
+
+    /// Address of the indices, 0 where they are stored with the triangles.
+    pub fn indices_address(&self) -> u64 {
+        self.indices.as_ref().map_or(0, Buffer::address)
+    }
+
+    /// Copies the first `count` triangles to the host.
+    ///
+    /// # Errors
+    /// A transfer failed.
+    pub fn read(&self, count: usize) -> Result<LeafTriangles, Error> {
+        Ok(match &self.indices {
+            Some(indices) => {
+                LeafTriangles::Maps { maps: self.stored.read(0, count)?, indices: indices.read(0, count)? }
+            }
+            None => LeafTriangles::Corners { test: self.test, triangles: self.stored.read(0, count)? },
+        })
     }
 }
 
@@ -306,11 +373,13 @@ mod tests {
         Module::read(&shaders::LAYOUT_TRIANGLES)
             .assert_push_constants(
                 size_of::<TrianglesPush>(),
-                &fields!(TrianglesPush: nodes, wide, progress, triangles, leaf_triangles, leaves, arity),
+                &fields!(TrianglesPush: nodes, wide, progress, triangles, leaf_triangles, indices, leaves, arity),
             )
             .assert_items("Triangles", size_of::<Triangle>(), None)
             .assert_items("WideNodes", 4, None)
-            .assert_items("LeafTriangles", 16, None);
+            .assert_items("LeafTriangles", 16, None)
+            .assert_items("Indices", 4, None)
+            .assert_specialization(1, "MAPS");
         for &layout in Layout::ALL {
             Module::read(shaders::layout_encode(layout))
                 .assert_push_constants(

@@ -3,6 +3,9 @@
 pub mod cpu;
 #[cfg(test)]
 mod interface_tests;
+mod triangle;
+
+pub use triangle::{TriangleParams, TriangleTest};
 
 use crate::{
     Error,
@@ -138,7 +141,8 @@ pub struct Technique {
     /// The subgroups of a workgroup wait for each other between nodes and triangles, so that lanes which have parted
     /// meet again (thesis 5.3). For schedules in phases only: votes of 0.
     pub barrier: bool,
-    /// A triangle's distance is computed before it is known whether it is hit (thesis 5.2).
+    /// A triangle's distance is computed before it is known whether it is hit (thesis 5.2). Of the watertight test;
+    /// Woop's always does that, and Möller and Trumbore's never.
     pub hoist: bool,
     /// Lanes that part in a branch go on together behind it (`SPV_KHR_maximal_reconvergence`).
     pub reconverge: bool,
@@ -207,6 +211,10 @@ pub struct Tree {
     pub nodes: u64,
     /// Address of the triangles in leaf order, 48 bytes each.
     pub triangles: u64,
+    /// Address of their indices in file order, 0 where triangles contain them.
+    pub indices: u64,
+    /// What triangles are stored for.
+    pub test: TriangleTest,
     /// How nodes are stored.
     pub layout: Layout,
     /// Bytes from one node to the next.
@@ -239,6 +247,7 @@ struct Arguments {
     hits: u64,
     nodes: u64,
     triangles: u64,
+    indices: u64,
     queue: u64,
     counts: u64,
     visits: u64,
@@ -334,6 +343,7 @@ impl Traversal {
             hits: buffers.hits,
             nodes: tree.nodes,
             triangles: tree.triangles,
+            indices: tree.indices,
             queue: buffers.queue,
             counts: buffers.counts,
             visits: buffers.visits,
@@ -367,7 +377,7 @@ pub(crate) fn constants(
     tree: &Tree,
     counting: Counting,
     wave: Wave,
-) -> Result<([u32; 9], u32), Error> {
+) -> Result<([u32; 10], u32), Error> {
     let lanes = gpu.info().subgroup_size;
     let stack = params.stack.max(tree.stack.next_multiple_of(32));
     let postpone = ((params.postpone_below * lanes as f32).round() as u32).min(lanes);
@@ -385,7 +395,8 @@ pub(crate) fn constants(
     }
     let [barrier, hoist] = [barrier, hoist].map(u32::from);
     let stride = tree.stride as u32;
-    Ok(([stack, fetch_below, quota, counting as u32, postpone, stride, vote, barrier, hoist], stack))
+    let (counting, test) = (counting as u32, tree.test as u32);
+    Ok(([stack, fetch_below, quota, counting, postpone, stride, vote, barrier, hoist, test], stack))
 }
 
 /// Whether every ray of a wavefront at `depth` has been finished.

@@ -4,7 +4,7 @@ use crate::{
     bvh2::{Aabb, Bvh2, LEAF, Triangle},
     collapse::Subtree,
     contract::WideBvh,
-    layout::{LeafTriangle, NodeLayout, Target, children},
+    layout::{LeafTriangles, NodeLayout, Target, children},
 };
 
 /// What is wrong with a tree, in words that name the node.
@@ -134,26 +134,37 @@ pub fn wide(wide: &WideBvh, tree: &Bvh2, subtrees: &[Subtree]) -> Result<(), Inv
     Ok(())
 }
 
-/// Checks nodes in a layout: every node is reached once, every triangle is in one leaf and unchanged, and
-/// every child's box is exactly, or where the layout rounds contains, the box of all triangles below it.
+/// Checks nodes in a layout: every node is reached once, every triangle is in one leaf and unchanged, or stored as
+/// the map that belongs to it ([`crate::layout::UnitTriangle::fault`] says how exactly), and every child's box is exactly, or where the layout rounds contains, the box of all triangles below it.
 /// Returns the depth: nodes on the longest way down.
 ///
 /// # Errors
 /// The first violation found.
 pub fn layout<L: NodeLayout>(
     nodes: &[L::Node],
-    leaf_triangles: &[LeafTriangle],
+    leaf_triangles: &LeafTriangles,
     triangles: &[Triangle],
 ) -> Result<usize, Invalid> {
     let n = triangles.len();
     require!(leaf_triangles.len() == n, "{} triangles in leaves, {n} in the scene", leaf_triangles.len());
     let mut seen = vec![false; n];
-    for (i, t) in leaf_triangles.iter().enumerate() {
-        let p = t.primitive as usize;
+    for i in 0..n {
+        let p = leaf_triangles.index(i) as usize;
         require!(p < n, "place {i} holds triangle {p} of {n}");
         require!(!seen[p], "triangle {p} has two places");
         seen[p] = true;
-        require!(t.corners() == triangles[p], "place {i} holds other corners than triangle {p}");
+        match leaf_triangles {
+            LeafTriangles::Corners { triangles: stored, .. } => {
+                require!(
+                    stored[i].corners() == triangles[p],
+                    "place {i} holds other corners than triangle {p}"
+                );
+            }
+            LeafTriangles::Maps { maps, .. } => {
+                let fault = maps[i].fault(&triangles[p]);
+                require!(fault.is_none(), "place {i} is not for triangle {p}: {}", fault.unwrap_or_default());
+            }
+        }
     }
 
     // From the root down, in the order in which nodes are reached: children come after their parents.
@@ -199,9 +210,9 @@ pub fn layout<L: NodeLayout>(
         for child in children::<L>(&nodes[i as usize]) {
             let bounds = match child.target {
                 Target::Node(index) => exact[index as usize],
-                Target::Leaf { first, count } => leaf_triangles[first as usize..(first + count) as usize]
-                    .iter()
-                    .fold(Aabb::EMPTY, |b, t| b.union(&Aabb::of(&t.corners()))),
+                Target::Leaf { first, count } => (first as usize..(first + count) as usize)
+                    .map(|place| &triangles[leaf_triangles.index(place) as usize])
+                    .fold(Aabb::EMPTY, |b, t| b.union(&Aabb::of(t))),
             };
             require!(child.bounds.contains(&bounds), "something sticks out of a child of node {i}");
             require!(
@@ -220,8 +231,12 @@ mod tests {
     use crate::{
         collapse::{self, CollapseParams},
         contract::{self, ContractParams},
-        layout::binary::{self, Binary, BinaryNode},
+        layout::{
+            LeafTriangle,
+            binary::{self, Binary, BinaryNode},
+        },
         ploc::{self, PlocParams},
+        traverse::TriangleTest,
     };
 
     fn strip(n: usize) -> Vec<Triangle> {
@@ -280,11 +295,19 @@ mod tests {
             collapse::cpu::collapse(&tree, 1.0, &CollapseParams { max_leaf: 2, ..Default::default() });
         let wide = contract::cpu::contract(&tree, &subtrees, 1.0, 2, &ContractParams::default(), None);
         let (nodes, leaves) = crate::layout::cpu::encode::<Binary>(&wide, &tree, &triangles);
-        assert_eq!(layout::<Binary>(&nodes, &leaves, &triangles), Ok(subtrees[18].height as usize));
+        let stored = TriangleTest::ALL.map(|test| LeafTriangles::new(test, leaves.clone()));
+        for stored in &stored {
+            assert_eq!(layout::<Binary>(&nodes, stored, &triangles), Ok(subtrees[18].height as usize));
+        }
         let damage = |f: fn(&mut Vec<BinaryNode>, &mut Vec<LeafTriangle>)| {
             let (mut nodes, mut leaves) = (nodes.clone(), leaves.clone());
             f(&mut nodes, &mut leaves);
-            layout::<Binary>(&nodes, &leaves, &triangles).unwrap_err().0
+            let [corners, _, maps] = TriangleTest::ALL.map(|test| {
+                let leaves = LeafTriangles::new(test, leaves.clone());
+                layout::<Binary>(&nodes, &leaves, &triangles).unwrap_err().0
+            });
+            assert_eq!(corners, maps);
+            corners
         };
         assert!(damage(|n, _| n[1].hi0[0] += 100.0).contains("larger box"));
         assert!(damage(|n, _| n[1].hi0[0] -= 0.25).contains("sticks out"));
@@ -292,5 +315,9 @@ mod tests {
         assert!(damage(|n, _| n.push(binary::EMPTY_NODE)).contains("not reached"));
         assert!(damage(|_, l| l.swap(0, 19)).contains("sticks out"));
         assert!(damage(|_, l| l[3] = l[4]).contains("two places"));
+        let [.., LeafTriangles::Maps { mut maps, indices }] = stored else { panic!("{stored:?}") };
+        maps.swap(0, 19);
+        let swapped = layout::<Binary>(&nodes, &LeafTriangles::Maps { maps, indices }, &triangles);
+        assert!(swapped.unwrap_err().0.contains("place 0 is not for triangle"));
     }
 }

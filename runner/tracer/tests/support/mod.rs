@@ -13,7 +13,9 @@ use tracer::{
     gpu::{Gpu, Options},
     layout::Layout,
     scene::{LoadReport, Material, Origin, Provenance, Scene, Sky, View},
-    traverse::{Counting, Counts, Hit, Language, Params, Ray, Traversal, Tree, cpu},
+    traverse::{
+        Counting, Counts, Hit, Language, Params, Ray, Traversal, Tree, TriangleParams, TriangleTest, cpu,
+    },
     with_layout,
 };
 
@@ -145,6 +147,12 @@ pub fn builder() -> &'static Builder {
     builder_of(Layout::Binary)
 }
 
+/// The same with triangles stored for a test.
+pub fn builder_for(test: TriangleTest, layout: Layout) -> Builder {
+    let params = BuildParams { triangle: TriangleParams { test }, ..BuildParams::default() };
+    Builder::new(gpu(), &params, layout).expect("a builder")
+}
+
 /// Builds a tree.
 pub fn plant(builder: &Builder, triangles: &[Triangle]) -> Planted {
     let workspace = builder.workspace(triangles.len()).unwrap();
@@ -152,7 +160,7 @@ pub fn plant(builder: &Builder, triangles: &[Triangle]) -> Planted {
     let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
     let extent = triangles.as_flattened().as_flattened().iter().fold(0f32, |m, x| m.max(x.abs()));
     let tree = workspace.wide.tree(&report.summary, extent);
-    let leaves = workspace.wide.triangles.read(0, triangles.len()).unwrap();
+    let leaves = workspace.wide.triangles.read(triangles.len()).unwrap();
     let twin: Twin = with_layout!(tree.layout, L => {
         let nodes = workspace.wide.read_nodes::<L>(report.summary.nodes as usize).unwrap();
         Box::new(move |ray| cpu::closest_hit::<L>(&nodes, &leaves, extent, ray))
@@ -182,11 +190,11 @@ pub fn traversal(tree: &Tree, counting: Counting) -> &'static Traversal {
 
 /// The same in a language.
 pub fn traversal_in(language: Language, tree: &Tree, counting: Counting) -> &'static Traversal {
-    type Key = (Language, Layout, usize, u32, u32);
+    type Key = (Language, Layout, TriangleTest, usize, u32, u32);
     static KERNELS: Mutex<Option<HashMap<Key, &'static OnceLock<Traversal>>>> = Mutex::new(None);
     let params = Params { language, ..Params::default() };
     let stack = tree.stack.next_multiple_of(32).max(params.stack);
-    let key = (language, tree.layout, tree.stride, stack, counting as u32);
+    let key = (language, tree.layout, tree.test, tree.stride, stack, counting as u32);
     // Nobody waits for kernels that somebody else compiles, unless they are the same.
     let slot = *KERNELS
         .lock()
