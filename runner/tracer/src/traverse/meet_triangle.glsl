@@ -1,5 +1,9 @@
-// Statements: a lane tests the triangle at `index` in leaf order and keeps it where it is the nearest so far.
-// Whether the distance had to be found exactly is left in `uncertain`.
+// Statements of a traversal: a lane tests the triangle at `index` in leaf order and keeps it where it is the nearest
+// so far. Of `best` that is the place, with WOOP, which finish.glsl replaces by the triangle's index. Whether the
+// distance had to be found exactly is left in `uncertain`, which must be false before.
+//
+// In scope are `tree`, `rays`, `ray`, its `origin`, `t_min`, what `aim` made of its direction in `shear`, `best`, and the
+// counter `triangles_tested`.
 if (COUNT == RAYS) {
     triangles_tested++;
 }

@@ -15,7 +15,7 @@ pub enum TriangleTest {
     #[default]
     Watertight,
     /// Möller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 1997. Products of three lengths
-    /// and the square of one have to stay floats: scenes should measure between 1e-9 and 1e9 units.
+    /// have to stay floats: scenes should measure between 1e-9 and 1e9 units.
     MoellerTrumbore,
     /// Woop's unit triangle: Woop, "A Ray Tracing Hardware Architecture for Dynamic Scenes", 2004. Triangles are
     /// stored as affine maps ([`crate::layout::UnitTriangle`]), which leave no room for the triangle's index: it
