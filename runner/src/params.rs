@@ -35,6 +35,8 @@ pub struct Params {
     pub layout: LayoutParams,
     /// What the order of a node's children comes from, in the compressed layout.
     pub order: Order,
+    /// How triangles are stored, and tested.
+    pub triangle: tracer::traverse::TriangleParams,
     /// Traversal.
     pub trace: tracer::traverse::Params,
     /// The schedule of the compressed layout's traversal.
@@ -133,6 +135,7 @@ impl Params {
             collapse: self.collapse.clone(),
             contract: ContractParams { method, alpha, form, c_node, c_prim, p_max },
             layout: LayoutParams { assignment: self.order.assignment, ..self.layout.clone() },
+            triangle: self.triangle.clone(),
         }
     }
 
@@ -264,6 +267,7 @@ pub fn value(text: &str) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tracer::traverse::TriangleTest;
 
     #[test]
     fn a_parameter_is_set_by_its_dotted_name() {
@@ -312,6 +316,21 @@ mod tests {
             params.assign(&name, serde_json::to_value(value).unwrap()).unwrap();
             assert_eq!(params, Params::default(), "{name}");
         }
+    }
+
+    #[test]
+    fn a_triangle_test_is_chosen_by_name_and_a_tree_is_built_for_it() {
+        for (name, test) in [
+            ("watertight", TriangleTest::Watertight),
+            ("moeller-trumbore", TriangleTest::MoellerTrumbore),
+            ("woop", TriangleTest::Woop),
+        ] {
+            let params = Params::with(Variant::BINARY, &[format!("triangle.test={name}")]).unwrap();
+            assert_eq!(params.build(Variant::BINARY).triangle.test, test);
+            assert_eq!(params.by_name().get("triangle.test").unwrap().to_string(), name);
+        }
+        let error = Params::default().set(&["triangle.test=plücker".into()]).unwrap_err().to_string();
+        assert!(error.contains("moeller-trumbore"), "{error}");
     }
 
     #[test]

@@ -58,7 +58,9 @@ pub fn resources(global: &Global, variants: &[String], tuning: &Tuning, json: bo
     for variant in Variant::select(variants)?.into_iter().filter(|v| !v.by_view) {
         let params = Params::with(variant, &tuning.set)?;
         let (layout, stride) = (variant.layout, variant.layout.stride(&params.layout));
-        let no_tree = Tree { nodes: 0, triangles: 0, layout, stride, stack: 0, extent: 0.0 };
+        let test = params.triangle.test;
+        let no_tree =
+            Tree { nodes: 0, triangles: 0, indices: 0, test, layout, stride, stack: 0, extent: 0.0 };
         let traversal = session.traversal(&no_tree, variant, &params, Counting::Nothing)?;
         for (wave, purpose) in PURPOSES {
             let kernel = traversal.kernel(wave);

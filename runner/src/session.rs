@@ -230,7 +230,8 @@ fn measure(
 ) -> anyhow::Result<TreeStats> {
     with_layout!(layout, L => {
         let nodes = memory.read_nodes::<L>(summary.nodes as usize)?;
-        Ok(stats::<L>(&nodes, layout.stride(&params.layout), &params.collapse))
+        let stats = stats::<L>(&nodes, layout.stride(&params.layout), &params.collapse);
+        Ok(stats.stored_for(params.triangle.test))
     })
 }
 

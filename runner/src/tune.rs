@@ -31,7 +31,7 @@ use crate::{
 use anyhow::bail;
 use record::{Method, Parameters, stats};
 use std::time::Duration;
-use tracer::{path, traverse::Wave};
+use tracer::path;
 
 /// The workgroup sizes of the thesis, in subgroups (section 6.2.1).
 const SUBGROUPS: [u32; 9] = [2, 4, 8, 12, 16, 20, 24, 28, 32];
@@ -200,9 +200,7 @@ impl<'a> Tuning<'a> {
                 params.trace.primary_subgroups = subgroups;
                 params.trace.secondary_subgroups = subgroups;
                 params.collapse.traversal_cost = cost;
-                if params.trace.workgroup_size(&session.gpu, Wave::Secondary)
-                    <= session.gpu.info().max_workgroup_size
-                {
+                if params.trace(variant).fits(&session.gpu, variant.layout) {
                     let times = views.iter().map(|views| vec![Vec::new(); views.len()]).collect();
                     arms.push(Arm { subgroups, cost, params, times });
                 }

@@ -16,9 +16,9 @@ use tracer::{
     bvh2::{Aabb, Triangle},
     collapse, contract,
     gpu::Pass,
-    layout::{self, Layout, LeafTriangle},
+    layout::{self, Layout, LeafTriangles},
     path::{self, Camera, PathTracer},
-    traverse::{Counting, Hit, Ray, Traversal, Tree, Wave, cpu},
+    traverse::{Counting, Hit, Ray, Traversal, Tree, TriangleTest, Wave, cpu},
     validate, with_layout,
 };
 
@@ -162,7 +162,8 @@ fn check(
         })?;
     }
 
-    oracle.ask(triangles, &rays, arguments.brute_force);
+    let judge = Judge { triangles, extent, test: params.triangle.test };
+    oracle.ask(&judge, &rays, arguments.brute_force);
 
     let BuildParams { contract: contracted, layout: stored_as, .. } = params.build(variant);
     let widen = Widen::new(gpu, &params.build(variant), variant.layout)?;
@@ -211,14 +212,14 @@ fn check(
         )?;
         let found = with_layout!(variant.layout, L => {
             let stored = wide.read_nodes::<L>(summary.nodes as usize)?;
-            let leaves: Vec<LeafTriangle> = wide.stored.triangles.read(0, leaves)?;
+            let leaves = wide.stored.triangles.read(leaves)?;
             let bounds = |leaf: u32| tree.nodes[leaf as usize].bounds();
             let parts: Option<Vec<Aabb>> =
                 split.then(|| layout::cpu::places(&made, &tree).into_iter().map(bounds).collect());
             let same = {
                 let (nodes, order) = layout::cpu::encode::<L>(&made, &tree, triangles, &stored_as);
                 bytemuck::cast_slice::<_, u8>(&nodes) == bytemuck::cast_slice::<_, u8>(&stored)
-                    && order == leaves
+                    && leaves.agree(&order)
             };
             require(same, "not the bytes that the CPU writes").and_then(|()| {
                 validate::layout::<L>(&stored, &leaves, triangles, parts.as_deref()).map_err(|e| e.to_string())
@@ -242,8 +243,8 @@ fn check(
         // Each kind of wavefront has a kernel of its own, and both have to find the hits of all rays.
         for wave in [Wave::Primary, Wave::Secondary] {
             let found = trace(session, &traversal, wave, &own, &rays)?;
-            checks.report("hits", of_view, same_hits(triangles, &rays, &hits, &found, extent))?;
-            checks.report("brute force", of_view, oracle.agrees(triangles, &rays, &found, extent))?;
+            checks.report("hits", of_view, judge.same_hits(&rays, &hits, &found))?;
+            checks.report("brute force", of_view, oracle.agrees(&judge, &rays, &found))?;
         }
     }
     Ok(())
@@ -264,47 +265,58 @@ fn trace(
     memory.hits()
 }
 
-/// A hit's distance evaluated once more in double precision for the triangle that was chosen: over slivers
-/// the distances that kernels compute differ by more than rays that go astray.
-fn distance(triangles: &[Triangle], ray: &Ray, hit: &Hit) -> f32 {
-    match triangles.get(hit.triangle as usize) {
-        Some(triangle) => cpu::refine(ray, triangle, hit.t),
-        None => hit.t,
-    }
-}
-
-/// Whether two distances along a ray are the same: to 1e-5 of themselves, and to what single precision can
-/// tell about coordinates of the scene's extent.
-fn agree(a: f32, b: f32, ray: &Ray, extent: f32) -> bool {
-    let reach = ray.origin.iter().fold(extent, |m, x| m.max(x.abs()));
-    let length = ray.direction.iter().map(|d| d * d).sum::<f32>().sqrt();
-    let off = (a - b).abs();
-    a == b || off.is_finite() && off <= 1e-5 * a.abs().max(b.abs()) + 1e-6 * reach / length
-}
-
-fn same_hits(
-    triangles: &[Triangle],
-    rays: &[Ray],
-    expected: &[Hit],
-    found: &[Hit],
+/// Compares hits.
+struct Judge<'a> {
+    triangles: &'a [Triangle],
+    /// Largest absolute coordinate.
     extent: f32,
-) -> Result<String, String> {
-    let of = |hits: &[Hit], i: usize| distance(triangles, &rays[i], &hits[i]);
-    let differs = |i: &usize| !agree(of(expected, *i), of(found, *i), &rays[*i], extent);
-    let wrong: Vec<usize> = (0..rays.len()).into_par_iter().filter(differs).collect();
-    match wrong.first() {
-        None => Ok(format!(
-            "{} primary rays and bounces of all views at the distances of Binary, by the kernels for both",
-            thousands(rays.len() as u64)
-        )),
-        Some(&i) => Err(format!(
-            "{} of {} rays differ from Binary, the first {:?}: {:?}, not {:?}",
-            wrong.len(),
-            rays.len(),
-            rays[i],
-            found[i],
-            expected[i]
-        )),
+    test: TriangleTest,
+}
+
+impl Judge<'_> {
+    /// A hit's distance evaluated once more in double precision for the triangle that was chosen: over slivers
+    /// the distances that kernels compute differ by more than rays that go astray.
+    fn distance(&self, ray: &Ray, hit: &Hit) -> f32 {
+        match self.triangles.get(hit.triangle as usize) {
+            Some(triangle) => cpu::refine(ray, triangle, hit.t),
+            None => hit.t,
+        }
+    }
+
+    /// Whether two hits are at the same distance along a ray: to 1e-5 of it, and to what single precision can
+    /// tell about coordinates of the scene's extent. Where a test is not watertight, a ray that passes an edge of the
+    /// nearer triangle may hit it or not.
+    fn same(&self, ray: &Ray, a: &Hit, b: &Hit) -> bool {
+        let reach = ray.origin.iter().fold(self.extent, |m, x| m.max(x.abs()));
+        let length = ray.direction.iter().map(|d| d * d).sum::<f32>().sqrt();
+        let [s, t] = [a, b].map(|hit| self.distance(ray, hit));
+        let off = (s - t).abs();
+        if s == t || off.is_finite() && off <= 1e-5 * s.abs().max(t.abs()) + 1e-6 * reach / length {
+            return true;
+        }
+        let nearer = if s < t { a } else { b };
+        let passes = |triangle| cpu::passes_edge(ray, triangle, self.extent);
+        self.test != TriangleTest::Watertight
+            && self.triangles.get(nearer.triangle as usize).is_some_and(passes)
+    }
+
+    fn same_hits(&self, rays: &[Ray], expected: &[Hit], found: &[Hit]) -> Result<String, String> {
+        let differs = |i: &usize| !self.same(&rays[*i], &expected[*i], &found[*i]);
+        let wrong: Vec<usize> = (0..rays.len()).into_par_iter().filter(differs).collect();
+        match wrong.first() {
+            None => Ok(format!(
+                "{} primary rays and bounces of all views at the distances of Binary, by the kernels for both",
+                thousands(rays.len() as u64)
+            )),
+            Some(&i) => Err(format!(
+                "{} of {} rays differ from Binary, the first {:?}: {:?}, not {:?}",
+                wrong.len(),
+                rays.len(),
+                rays[i],
+                found[i],
+                expected[i]
+            )),
+        }
     }
 }
 
@@ -320,32 +332,21 @@ struct Oracle {
 
 impl Oracle {
     /// Traces every so-many-th of `rays`, so that tests of rays with triangles stay below `millions`.
-    fn ask(&mut self, triangles: &[Triangle], rays: &[Ray], millions: u64) {
+    fn ask(&mut self, judge: &Judge<'_>, rays: &[Ray], millions: u64) {
         if bytemuck::cast_slice::<_, u8>(&self.rays) == bytemuck::cast_slice::<_, u8>(rays) {
             return;
         }
-        let affordable = (millions * 1_000_000 / triangles.len() as u64).max(1);
+        let affordable = (millions * 1_000_000 / judge.triangles.len() as u64).max(1);
         let step = (rays.len() as u64).div_ceil(affordable).max(1) as usize;
         let chosen: Vec<usize> = (0..rays.len()).step_by(step).collect();
-        self.hits = chosen.par_iter().map(|&i| (i, cpu::brute_force(triangles, &rays[i]))).collect();
+        let triangles = LeafTriangles::in_file_order(judge.test, judge.triangles);
+        self.hits = chosen.par_iter().map(|&i| (i, cpu::brute_force(&triangles, &rays[i]))).collect();
         self.rays = rays.to_vec();
     }
 
-    fn agrees(
-        &self,
-        triangles: &[Triangle],
-        rays: &[Ray],
-        found: &[Hit],
-        extent: f32,
-    ) -> Result<String, String> {
-        let wrong: Vec<&(usize, Hit)> = self
-            .hits
-            .iter()
-            .filter(|(i, hit)| {
-                let of = |hit: &Hit| distance(triangles, &rays[*i], hit);
-                !agree(of(hit), of(&found[*i]), &rays[*i], extent)
-            })
-            .collect();
+    fn agrees(&self, judge: &Judge<'_>, rays: &[Ray], found: &[Hit]) -> Result<String, String> {
+        let differs = |(i, hit): &&(usize, Hit)| !judge.same(&rays[*i], hit, &found[*i]);
+        let wrong: Vec<&(usize, Hit)> = self.hits.iter().filter(differs).collect();
         match wrong.first() {
             None => Ok(format!("{} rays against all triangles", thousands(self.hits.len() as u64))),
             Some((i, hit)) => Err(format!(

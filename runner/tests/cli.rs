@@ -9,8 +9,9 @@ use std::{
 };
 use tempfile::TempDir;
 use tracer::{
+    layout::LeafTriangles,
     scene::{self, SearchPath},
-    traverse::{Hit, Ray, cpu},
+    traverse::{Hit, Ray, TriangleTest, cpu},
 };
 
 /// The program, to run in a folder, with no scenes but those that are built in.
@@ -381,8 +382,9 @@ fn rays_and_hits(at: &Path, spec: &str, more: &str, scene: &scene::Scene, depth:
     for ((ray, a), b) in rays.iter().zip(&first).zip(&again) {
         assert!(a == b || near(a.t, b.t, 1e-6), "{spec}: {ray:?}: {a:?}, then {b:?}");
     }
+    let triangles = LeafTriangles::in_file_order(TriangleTest::default(), &scene.positions);
     for (ray, hit) in rays.iter().zip(&first).step_by(step) {
-        let mut want = cpu::brute_force(&scene.positions, ray);
+        let mut want = cpu::brute_force(&triangles, ray);
         if want.triangle != Hit::MISS {
             want.t = cpu::refine(ray, &scene.positions[want.triangle as usize], want.t);
         }
@@ -472,22 +474,34 @@ fn a_user_validates_a_scene() {
         assert_eq!(found.matches(&format!(": {what}: ")).count(), built(), "{what}: {found}");
     }
     assert!(found.trim_end().ends_with("everything holds") && !found.contains("FAILED"), "{found}");
+    for test in ["moeller-trumbore", "woop"] {
+        let line = format!(
+            "validate cornell:triangles=300 --size 24x14 --variant Binary --variant Wide6* --validate \
+             --set triangle.test={test}"
+        );
+        let found = text(&works(here.path(), &line).stdout);
+        assert!(found.trim_end().ends_with("everything holds") && !found.contains("FAILED"), "{found}");
+    }
 }
 
 #[test]
 fn variants_are_listed_with_their_nodes() {
     let here = folder();
     let table = text(&works(here.path(), "variants").stdout);
-    for (name, bytes) in
-        [("Binary", 56), ("Wide4", 120), ("Wide6 Quantized CBTC", 64), ("Wide8 Quantized", 76)]
-    {
+    for (name, bytes) in [
+        ("Binary", 56),
+        ("Wide4", 120),
+        ("Wide6 Quantized CBTC", 64),
+        ("Wide8 Quantized", 76),
+        ("Wide8 Compressed", 80),
+    ] {
         let row = table.lines().find(|l| l.starts_with(&format!("{name}  "))).unwrap();
         assert!(row.contains(&format!(" {bytes} ")) && row.contains("GLSL"), "{row}");
     }
     let json: serde_json::Value =
         serde_json::from_slice(&works(here.path(), "variants --json").stdout).unwrap();
     let all = json.as_array().unwrap();
-    assert_eq!(all.len(), 26);
+    assert_eq!(all.len(), 27);
     let slang = all.iter().filter(|variant| variant["language"] == "Slang");
     assert_eq!(slang.clone().count(), 13);
     // Where the build has no Slang compiler, all of them are unavailable, and nothing else is.
@@ -495,9 +509,9 @@ fn variants_are_listed_with_their_nodes() {
         let name = variant["name"].as_str().unwrap();
         let row = table.lines().find(|line| line.starts_with(&format!("{name}  "))).unwrap();
         assert_eq!(row.contains("unavailable"), variant["missing"].is_string(), "{row}");
-        assert_eq!(variant["missing"].is_string(), built() == 13, "{name}");
+        assert_eq!(variant["missing"].is_string(), built() == 14, "{name}");
     }
-    if built() == 13 {
+    if built() == 14 {
         assert!(table.contains("unavailable: no slangc"), "{table}");
         fails(here.path(), "resources --variant *Slang*", 1, &["without Binary Slang: no slangc"]);
     }

@@ -30,7 +30,7 @@ use std::{
     path::Path,
     time::{Duration, Instant},
 };
-use tracer::{path, scene::SearchPath, traverse::Wave};
+use tracer::{path, scene::SearchPath};
 
 /// How long builds go on before those that are measured, on a GPU. It has just been busy with another point.
 const BUSY: Duration = Duration::from_millis(100);
@@ -61,9 +61,11 @@ pub fn sweep(global: &Global, arguments: &args::Sweep) -> anyhow::Result<()> {
         remark(
             session.quiet,
             format_args!(
-                "{} points are left out, because the device has workgroups of at most {} invocations; the first is {}",
+                "{} points are left out, because the device has workgroups of at most {} invocations and {} bytes of \
+                 shared memory; the first is {}",
                 too_large.len(),
                 session.gpu.info().max_workgroup_size,
+                session.gpu.info().shared_memory_bytes,
                 too_large[0]
             ),
         );
@@ -198,12 +200,9 @@ fn plan(config: &Config, defaults: &Defaults, held: Held, clock: Option<record::
 
 /// The points whose workgroups the device has room for, and the keys of the others.
 fn fitting(session: &Session, points: Vec<Setup>) -> (Vec<Setup>, Vec<String>) {
-    let most = session.gpu.info().max_workgroup_size;
-    let (fit, large): (Vec<Setup>, Vec<Setup>) = points.into_iter().partition(|setup| {
-        [Wave::Primary, Wave::Secondary]
-            .iter()
-            .all(|&wave| setup.params.trace.workgroup_size(&session.gpu, wave) <= most)
-    });
+    let (fit, large): (Vec<Setup>, Vec<Setup>) = points
+        .into_iter()
+        .partition(|setup| setup.params.trace(setup.variant).fits(&session.gpu, setup.variant.layout));
     (fit, large.iter().map(Setup::key).collect())
 }
 

@@ -6,7 +6,10 @@
 // multiply-add a plane. Rounding of that, of the inverse and of the product is worth at most 8 units in
 // the last place of the largest coordinate involved, so every box is taken to be wider by that much on
 // each side: the origin is moved up for lower planes and down for upper ones. A box that contains a
-// triangle is then never missed by a ray that the triangle test counts as hitting it.
+// triangle is then never missed by a ray that the watertight test counts as hitting it, but for one that
+// passes a sliver's edges far beyond their end, where all three edge functions are lost to rounding: a hit
+// that is false, and that no neighbour relies on. Hits of the other tests may be lost where they are false,
+// too (reports/2026-11-22-triangle-tests).
 struct Slab {
     vec3 inverse;  // 1 / direction, components near zero replaced by a small number of the same sign
     vec3 lower;    // -(origin + pad) * inverse

@@ -16,6 +16,7 @@
 #extension GL_EXT_control_flow_attributes : require
 
 #include "ray.glsl"
+#include "twofold.glsl"
 
 // 48 bytes, three loads of 16: corners, and the triangle's index in file order.
 struct Triangle {
@@ -33,7 +34,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) BETWEEN_STAGES read
     float items[];
 };
 
-// What the test needs of a ray, computed once.
+// What the test needs of a ray, computed once. Other tests have the ray's direction in its place: see `aim` in
+// traverse/closest_hit.glsl.
 struct Shear {
     vec3 shear;  // direction.x / direction.z, direction.y / direction.z, 1 / direction.z, after permuting
     uint axis;   // the direction's largest component
@@ -110,37 +112,6 @@ float intersect(vec3 origin, Shear shear, float t_min, float t_max, vec3 v0, vec
     float error = depth * (12.0 * across * (across + depth) * abs(inverse) + 4.0 * abs(shear.shear.z));
     uncertain = abs(t - t_min) < error * 1.1920929e-7;  // 2^-23: twice the unit roundoff
     return uncertain || t > t_min ? t : INFINITY;
-}
-
-// Arithmetic on unevaluated sums of two floats (Dekker 1971), for the few distances that need it: half the
-// devices have no doubles, and on most of the others they are 32 or 64 times slower than floats.
-vec2 two_sum(float a, float b) {
-    precise float s = a + b;
-    precise float v = s - a;
-    precise float r = (a - (s - v)) + (b - v);
-    return vec2(s, r);
-}
-vec2 twofold_add(vec2 a, vec2 b) {
-    vec2 s = two_sum(a.x, b.x);
-    precise float r = s.y + (a.y + b.y);
-    return two_sum(s.x, r);
-}
-// Upper and lower twelve bits. Vulkan lets `fma` round twice, so a product's error is found the old way.
-vec2 halves(float a) {
-    precise float c = 4097.0 * a;
-    precise float upper = c - (c - a);
-    precise float lower = a - upper;
-    return vec2(upper, lower);
-}
-vec2 twofold_multiply(vec2 a, vec2 b) {
-    vec2 u = halves(a.x), v = halves(b.x);
-    precise float p = a.x * b.x;
-    precise float e = ((u.x * v.x - p) + u.x * v.y + u.y * v.x) + u.y * v.y;
-    precise float r = e + (a.x * b.y + a.y * b.x);
-    return two_sum(p, r);
-}
-vec2 twofold_determinant(vec2 a, vec2 b, vec2 c, vec2 d) {
-    return twofold_add(twofold_multiply(a, d), -twofold_multiply(b, c));
 }
 
 // The distance to a triangle's plane, to about twice single precision, for the triangle and the ray at an

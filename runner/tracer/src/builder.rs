@@ -23,7 +23,7 @@ use crate::{
     morton::{BOUNDS_BYTES, Morton, MortonParams, SceneBounds},
     ploc::{Ploc, PlocBuffers, PlocParams},
     sort::{Sort, SortBuffers},
-    traverse::{Tree, groups::STACK_PER_NODE},
+    traverse::{Tree, TriangleParams, groups::STACK_PER_NODE},
 };
 use serde::{Deserialize, Serialize};
 use std::{cell::Cell, ops::Range};
@@ -44,6 +44,8 @@ pub struct BuildParams {
     pub contract: ContractParams,
     /// How nodes are stored.
     pub layout: LayoutParams,
+    /// How triangles are stored, and tested.
+    pub triangle: TriangleParams,
 }
 
 /// Where the binary tree comes from.
@@ -494,7 +496,7 @@ impl Widen {
         Ok(Self {
             gpu: gpu.clone(),
             contract: Contract::new(gpu, layout.arity(), &params.contract)?,
-            encode: Encode::new(gpu, layout, &params.layout)?,
+            encode: Encode::new(gpu, layout, &params.layout, params.triangle.test)?,
         })
     }
 
@@ -621,7 +623,9 @@ impl WideWorkspace {
     pub fn tree(&self, summary: &Summary, extent: f32) -> Tree {
         Tree {
             nodes: self.stored.nodes.address(),
-            triangles: self.stored.triangles.address(),
+            triangles: self.stored.triangles.stored.address(),
+            indices: self.stored.triangles.indices_address(),
+            test: self.stored.triangles.test(),
             layout: self.layout,
             stride: self.stride,
             stack: if self.layout.is_compressed() { STACK_PER_NODE * summary.depth } else { summary.stack },

@@ -3,18 +3,25 @@
 mod support;
 
 use std::sync::OnceLock;
-use support::{Random, assert_silent, awkward, builder_of, gpu, on_any_tree, scattered, terrain, usual};
+use support::{
+    Random, assert_silent, awkward, builder_for, builder_of, gpu, on_any_tree, scattered, terrain, usual,
+};
 use tracer::{
     builder::{BuildError, BuildParams, BuildReport, BuildWorkspace, Builder, Method, WideWorkspace, Widen},
     bvh2::{Aabb, Bvh2, Triangle},
     collapse::{self, CollapseParams, Subtree},
     contract::{self, ContractParams, Contraction, Form, Visits, WideBvh},
-    layout::{self, Layout, LayoutParams, LeafTriangle, NodeLayout, binary::Binary, compressed::Assignment},
+    layout::{
+        self, Layout, LayoutParams, LeafTriangles, NodeLayout, UnitTriangle, binary::Binary,
+        compressed::Assignment,
+    },
     measure::tree::stats,
     morton::{self, MortonParams},
     ploc::{self, PlocParams},
     sbvh::{self, SbvhParams},
-    sort, validate, with_layout,
+    sort,
+    traverse::TriangleTest,
+    validate, with_layout,
 };
 
 fn params(bits: u32, radius: u32) -> BuildParams {
@@ -80,7 +87,7 @@ impl<'a> Collapsed<'a> {
         what: &str,
     ) {
         let nodes = to.read_nodes::<L>(wide.nodes.len()).unwrap();
-        let leaves: Vec<LeafTriangle> = to.stored.triangles.read(0, self.tree.leaves).unwrap();
+        let leaves = to.stored.triangles.read(self.tree.leaves).unwrap();
         let split = self.tree.leaves != self.triangles.len();
         let bounds = |leaf: u32| self.tree.nodes[leaf as usize].bounds();
         let parts: Option<Vec<Aabb>> =
@@ -91,7 +98,7 @@ impl<'a> Collapsed<'a> {
             let words = |n: &L::Node| bytemuck::cast_slice::<L::Node, u32>(&[*n]).to_vec();
             assert_eq!(words(node), words(twin), "{what}: node {i}");
         }
-        assert!(leaves == twin_leaves, "{what}: triangles differ from the twin's");
+        assert!(leaves.agree(&twin_leaves), "{what}: triangles differ from the twin's");
         let depth = validate::layout::<L>(&nodes, &leaves, self.triangles, parts.as_deref());
         assert_eq!(depth, Ok(report.summary.depth as usize), "{what}");
         let s = stats::<L>(&nodes, size_of::<L::Node>(), &CollapseParams::default());
@@ -226,6 +233,29 @@ fn any_radius_and_grid_make_trees() {
 }
 
 #[test]
+fn triangles_are_stored_as_each_test_wants_them() {
+    let mut scenes = awkward(500);
+    scenes.push(("scattered", scattered(3000, 10.0, 1.0)));
+    scenes.push(("terrain", terrain(3000)));
+    // Ever thinner ones, until they have no map.
+    let thin = |i: i32| [[1.0, 2.0, 3.0], [4.0, 1.0, -1.0], [4.0, 1.0, 2.0f32.powi(-i / 10) - 1.0]];
+    scenes.push(("thin", (0..400).map(thin).collect()));
+    for test in TriangleTest::ALL {
+        let builder = builder_for(test, Layout::Wide4);
+        for (what, triangles) in &scenes {
+            let workspace = builder.workspace(triangles.len()).unwrap();
+            check(&builder, &workspace, triangles, &format!("{what}, {test:?}"));
+            let stored = workspace.wide.stored.triangles.read(triangles.len()).unwrap();
+            if let LeafTriangles::Maps { maps, .. } = stored {
+                let none = maps.iter().filter(|map| **map == UnitTriangle::NOWHERE).count();
+                println!("{what}: {none} of {} triangles have no map", maps.len());
+            }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
 fn leaf_sizes_and_costs_are_obeyed() {
     let triangles = terrain(3000);
     let buffer = gpu().upload("triangles", &triangles).unwrap();
@@ -236,7 +266,7 @@ fn leaf_sizes_and_costs_are_obeyed() {
         let workspace = builder.workspace(3000).unwrap();
         let report = builder.build(&workspace, &buffer, 3000, false).unwrap();
         let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();
-        let leaves: Vec<LeafTriangle> = workspace.wide.stored.triangles.read(0, 3000).unwrap();
+        let leaves = workspace.wide.stored.triangles.read(3000).unwrap();
         validate::layout::<Binary>(&nodes, &leaves, &triangles, None).unwrap();
         let s = stats::<Binary>(&nodes, 56, &params.collapse);
         let largest = s.triangles_histogram.iter().rposition(|&c| c > 0).unwrap();
@@ -302,7 +332,7 @@ fn a_million_triangles_in_one_plane_make_a_tree() {
     let workspace = builder.workspace(n).unwrap();
     let report = builder.build(&workspace, &buffer, n, false).unwrap();
     let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();
-    let leaves: Vec<LeafTriangle> = workspace.wide.stored.triangles.read(0, n).unwrap();
+    let leaves = workspace.wide.stored.triangles.read(n).unwrap();
     let depth = validate::layout::<Binary>(&nodes, &leaves, &triangles, None);
     assert_eq!(depth, Ok(report.summary.depth as usize));
     assert_silent();

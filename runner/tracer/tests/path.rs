@@ -4,7 +4,7 @@ mod support;
 
 use std::collections::{HashMap, HashSet};
 use support::{
-    Planted, assert_silent, awkward, builder, builder_of, gpu, icosphere, mesh, plant, scattered, scene,
+    Planted, assert_silent, awkward, builder, builder_for, gpu, icosphere, mesh, plant, scattered, scene,
     traversal, view,
 };
 use tracer::{
@@ -15,7 +15,7 @@ use tracer::{
     layout::Layout,
     path::{Camera, DeviceScene, Params, PathTracer, Sample, Sampling, SingleKernel, Wavefront},
     scene::{self as scenes, Scene, SearchPath, Sky, View},
-    traverse::{self, Counting, Hit, Ray, Traversal, Tree},
+    traverse::{self, Counting, Hit, Ray, Traversal, Tree, TriangleTest},
 };
 
 type Point = [f32; 3];
@@ -581,8 +581,11 @@ fn a_single_kernel_paints_the_same_picture() {
     let device = DeviceScene::upload(gpu(), &room).unwrap();
     let camera = Camera::new(&room.views[0], size.0, size.1);
     let tracer = PathTracer::new(gpu(), &device, size, &path, false).unwrap();
-    for &layout in Layout::ALL {
-        let planted = plant(builder_of(layout), &room.positions);
+    let usual = Layout::ALL.iter().map(|&layout| (TriangleTest::Watertight, layout));
+    for (test, layout) in
+        usual.chain([(TriangleTest::MoellerTrumbore, Layout::Wide4), (TriangleTest::Woop, Layout::Binary)])
+    {
+        let planted = plant(&builder_for(test, layout), &room.positions);
         let params = traverse::Params::default();
         let separate = Traversal::new(gpu(), &params, &planted.tree, Counting::Nothing).unwrap();
         let single = match SingleKernel::new(gpu(), &params, &planted.tree) {
@@ -607,10 +610,10 @@ fn a_single_kernel_paints_the_same_picture() {
         });
         assert_eq!(rays[0][0], 24 * 16);
         for (a, b) in rays.iter().flatten().zip(rays_in_one.iter().flatten()) {
-            assert!(a.abs_diff(*b) <= 2, "{layout:?}: {rays:?}, {rays_in_one:?}");
+            assert!(a.abs_diff(*b) <= 2, "{test:?}, {layout:?}: {rays:?}, {rays_in_one:?}");
         }
         let same = want.iter().zip(&found).filter(|(a, b)| a == b).count();
-        assert!(same > 24 * 16 * 98 / 100, "{layout:?}: {same} pixels are the same");
+        assert!(same > 24 * 16 * 98 / 100, "{test:?}, {layout:?}: {same} pixels are the same");
     }
     assert_silent();
 }

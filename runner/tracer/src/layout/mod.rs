@@ -1,14 +1,15 @@
 //! Trees as traversal kernels read them.
 //!
 //! A layout decides how a node is stored, not which boxes share it. Whatever the layout, node 0 is the
-//! root, a node holds its children's boxes, and a leaf is a run of [`LeafTriangle`]s in a buffer of their
-//! own. [`NodeLayout`] decodes that much, and the validator, the statistics and traversal on the CPU are
+//! root, a node holds its children's boxes, and a leaf is a run of triangles in a buffer of their own, which are
+//! stored as the ray-triangle test wants them: [`LeafTriangles`]. [`NodeLayout`] decodes that much, and the validator, the statistics and traversal on the CPU are
 //! written once over it.
 
 use crate::{
     bvh2::{Aabb, Bvh2Buffers, Triangle},
     contract::WideBuffers,
     gpu::{Buffer, Error, Gpu, Kernel, Pass, groups, shaders},
+    traverse::TriangleTest,
 };
 use bytemuck::{Pod, Zeroable};
 use compressed::Assignment;
@@ -20,9 +21,11 @@ pub mod compressed;
 pub mod cpu;
 mod grid;
 pub mod quantized;
+mod triangles;
 pub mod wide;
 
 pub use crate::permutations::Layout;
+pub use triangles::{LeafTriangles, UnitTriangle};
 
 /// Runs an expression with `$L` standing for the [`NodeLayout`] of a [`Layout`].
 #[macro_export]
@@ -235,6 +238,7 @@ pub struct Encode {
     triangles: Kernel,
     layout: Layout,
     stride: usize,
+    test: TriangleTest,
 }
 
 const WORKGROUP: u32 = 128;
@@ -266,19 +270,20 @@ struct TrianglesPush {
     progress: u64,
     triangles: u64,
     leaf_triangles: u64,
+    indices: u64,
     leaves: u32,
     arity: u32,
 }
 
 impl Encode {
-    /// Compiles the kernels.
+    /// Compiles the kernels, which store triangles for a test.
     ///
     /// # Errors
     /// The driver's compiler failed.
     ///
     /// # Panics
     /// `align` is not 4, 8 or 16, or `bits` not 4 to 8.
-    pub fn new(gpu: &Gpu, layout: Layout, params: &LayoutParams) -> Result<Self, Error> {
+    pub fn new(gpu: &Gpu, layout: Layout, params: &LayoutParams, test: TriangleTest) -> Result<Self, Error> {
         assert!([4, 8, 16].contains(&params.align), "nodes are aligned to 4, 8 or 16 bytes");
         assert!((4..=8).contains(&params.bits), "planes have 4 to 8 bits");
         let size = WORKGROUP.min(gpu.info().max_workgroup_size);
@@ -288,9 +293,10 @@ impl Encode {
         Ok(Self {
             arrange: layout.is_compressed().then(arrange).transpose()?,
             nodes: Kernel::new(gpu, shaders::layout_encode(layout), size, &[stride as u32, params.bits])?,
-            triangles: Kernel::new(gpu, &shaders::LAYOUT_TRIANGLES, size, &[])?,
+            triangles: Kernel::new(gpu, &shaders::LAYOUT_TRIANGLES, size, &[test.takes_maps().into()])?,
             layout,
             stride,
+            test,
         })
     }
 
@@ -310,11 +316,16 @@ impl Encode {
     /// Too little memory.
     pub fn buffers(&self, gpu: &Gpu, nodes: usize, triangles: usize) -> Result<LayoutBuffers, Error> {
         let arranged = || gpu.buffer("slots and places of nodes", 8 * nodes as u64);
+        let bytes = (size_of::<LeafTriangle>() * triangles) as u64;
+        let indices = || gpu.buffer("indices in leaf order", (size_of::<u32>() * triangles) as u64);
         Ok(LayoutBuffers {
             arranged: self.arrange.as_ref().map(|_| arranged()).transpose()?,
             nodes: gpu.buffer("nodes", (self.stride * nodes) as u64)?,
-            triangles: gpu
-                .buffer("triangles in leaf order", (size_of::<LeafTriangle>() * triangles) as u64)?,
+            triangles: TriangleBuffers {
+                stored: gpu.buffer("triangles in leaf order", bytes)?,
+                indices: self.test.takes_maps().then(indices).transpose()?,
+                test: self.test,
+            },
         })
     }
 
@@ -346,7 +357,8 @@ impl Encode {
             wide: wide.nodes.address(),
             progress: wide.progress.address(),
             triangles: triangles.address(),
-            leaf_triangles: to.triangles.address(),
+            leaf_triangles: to.triangles.stored.address(),
+            indices: to.triangles.indices_address(),
             leaves: u32::try_from(count).expect("at most MAX_TRIANGLES"),
             arity: self.layout.arity() as u32,
         };
@@ -361,8 +373,43 @@ pub struct LayoutBuffers {
     arranged: Option<Buffer>,
     /// Nodes, a stride apart.
     pub nodes: Buffer,
-    /// Of [`LeafTriangle`].
-    pub triangles: Buffer,
+    /// In the order of leaves.
+    pub triangles: TriangleBuffers,
+}
+
+/// Device memory of [`LeafTriangles`].
+#[derive(Debug)]
+pub struct TriangleBuffers {
+    /// Of [`LeafTriangle`] or [`UnitTriangle`]: which, the test says.
+    pub stored: Buffer,
+    /// With maps, u32.
+    indices: Option<Buffer>,
+    test: TriangleTest,
+}
+
+impl TriangleBuffers {
+    /// What they are stored for.
+    pub fn test(&self) -> TriangleTest {
+        self.test
+    }
+
+    /// Address of the indices, 0 where they are stored with the triangles.
+    pub fn indices_address(&self) -> u64 {
+        self.indices.as_ref().map_or(0, Buffer::address)
+    }
+
+    /// Copies the first `count` triangles to the host.
+    ///
+    /// # Errors
+    /// A transfer failed.
+    pub fn read(&self, count: usize) -> Result<LeafTriangles, Error> {
+        Ok(match &self.indices {
+            Some(indices) => {
+                LeafTriangles::Maps { maps: self.stored.read(0, count)?, indices: indices.read(0, count)? }
+            }
+            None => LeafTriangles::Corners { test: self.test, triangles: self.stored.read(0, count)? },
+        })
+    }
 }
 
 /// What is stored.
@@ -394,11 +441,13 @@ mod tests {
         Module::read(&shaders::LAYOUT_TRIANGLES)
             .assert_push_constants(
                 size_of::<TrianglesPush>(),
-                &fields!(TrianglesPush: nodes, wide, progress, triangles, leaf_triangles, leaves, arity),
+                &fields!(TrianglesPush: nodes, wide, progress, triangles, leaf_triangles, indices, leaves, arity),
             )
             .assert_items("Triangles", size_of::<Triangle>(), None)
             .assert_items("WideNodes", 4, None)
-            .assert_items("LeafTriangles", 16, None);
+            .assert_items("LeafTriangles", 16, None)
+            .assert_items("Indices", 4, None)
+            .assert_specialization(1, "MAPS");
         Module::read(&shaders::LAYOUT_COMPRESSED_ARRANGE)
             .assert_push_constants(
                 size_of::<ArrangePush>(),
@@ -406,6 +455,7 @@ mod tests {
             )
             .assert_items("Arrangement", 8, None)
             .assert_specialization(1, "ASSIGNMENT");
+
         for &layout in Layout::ALL {
             Module::read(shaders::layout_encode(layout))
                 .assert_push_constants(

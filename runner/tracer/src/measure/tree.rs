@@ -3,7 +3,8 @@
 use crate::{
     bvh2::Aabb,
     collapse::CollapseParams,
-    layout::{LeafTriangle, NodeLayout, Target, children},
+    layout::{NodeLayout, Target, children},
+    traverse::TriangleTest,
 };
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,7 @@ pub struct TreeStats {
     pub triangles: u64,
     /// Bytes of all nodes, the space between them included.
     pub node_bytes: u64,
-    /// Bytes of all triangles in leaves.
+    /// Bytes of all triangles in leaves: see [`TreeStats::stored_for`].
     pub triangle_bytes: u64,
     /// Nodes on the longest way from the root to a leaf, the root included.
     pub depth: u32,
@@ -38,6 +39,13 @@ pub struct TreeStats {
     pub sah_traversal: f64,
     /// The part of `sah_cost` that triangles cause.
     pub sah_intersection: f64,
+}
+
+impl TreeStats {
+    /// Of the same tree with triangles stored for a test; [`stats`] takes the usual one.
+    pub fn stored_for(self, test: TriangleTest) -> Self {
+        Self { triangle_bytes: self.triangles * test.triangle_bytes() as u64, ..self }
+    }
 }
 
 /// Nodes that a thread takes at a time.
@@ -136,7 +144,7 @@ pub fn stats<L: NodeLayout>(nodes: &[L::Node], stride: usize, costs: &CollapsePa
         leaves,
         triangles,
         node_bytes: nodes * stride as u64,
-        triangle_bytes: triangles * size_of::<LeafTriangle>() as u64,
+        triangle_bytes: triangles * TriangleTest::default().triangle_bytes() as u64,
         depth,
         children_per_node: (nodes - 1 + leaves) as f64 / nodes as f64,
         children_histogram,

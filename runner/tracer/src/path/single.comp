@@ -40,6 +40,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Arguments {
     Image image;
     uint64_t nodes;
     Triangles triangles;
+    Indices indices;
     Grid grid;
     float extent;
 };
@@ -114,7 +115,8 @@ void main() {
     }
     wait_for_all(grid, barriers);
 
-    Tree tree = Tree(arguments.nodes, arguments.triangles, Counts(uint64_t(0)), Visits(uint64_t(0)), arguments.extent);
+    Tree tree = Tree(arguments.nodes, arguments.triangles, arguments.indices, Counts(uint64_t(0)), Visits(uint64_t(0)),
+                     arguments.extent);
     for (uint depth = 0; depth < arguments.depths; depth++) {
         uint now = depth & 1;
         Queue queue = Queue(arguments.queues + 16 * depth);

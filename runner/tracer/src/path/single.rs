@@ -39,6 +39,7 @@ struct Arguments {
     image: u64,
     nodes: u64,
     triangles: u64,
+    indices: u64,
     grid: u64,
     extent: f32,
     unused_too: u32,
@@ -140,6 +141,7 @@ impl PathTracer<'_> {
             image: self.image.address(),
             nodes: tree.nodes,
             triangles: tree.triangles,
+            indices: tree.indices,
             grid: single.grid.address(),
             extent: tree.extent,
             unused_too: 0,
@@ -185,7 +187,7 @@ mod tests {
                 .assert_block(
                     "Arguments",
                     &fields!(Arguments: camera, depths, rays, paths, hits, queues, scene, image, nodes,
-                        triangles, grid, extent),
+                        triangles, indices, grid, extent),
                 )
                 .assert_block(
                     "Grid",

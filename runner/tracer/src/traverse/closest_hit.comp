@@ -12,6 +12,7 @@ layout(push_constant, scalar) uniform Arguments {
     Hits hits;
     uint64_t nodes;
     Triangles triangles;
+    Indices indices;
     Queue queue;
     Counts counts;
     Visits visits;
@@ -19,5 +20,5 @@ layout(push_constant, scalar) uniform Arguments {
 };
 
 void main() {
-    closest_hits(Tree(nodes, triangles, counts, visits, extent), rays, hits, queue);
+    closest_hits(Tree(nodes, triangles, indices, counts, visits, extent), rays, hits, queue);
 }

@@ -23,9 +23,11 @@
 #extension GL_KHR_shader_subgroup_arithmetic : require
 
 #include "load.glsl"
+#include "moeller_trumbore.glsl"
 #include "ray.glsl"
 #include "slab.glsl"
 #include "triangle.glsl"
+#include "woop.glsl"
 
 layout(constant_id = 1) const uint STACK_SIZE = 64;
 // Lanes with a ray under which idle lanes fetch new ones.
@@ -46,6 +48,9 @@ layout(constant_id = 7) const uint VOTE = 0;
 layout(constant_id = 8) const uint BARRIER = 0;
 // Whether a triangle's distance is computed before it is known to be hit (thesis 5.2).
 layout(constant_id = 9) const uint HOIST = 0;
+// How rays are tested against triangles, which are stored for that test: `TriangleTest` in traverse/triangle.rs.
+layout(constant_id = 10) const uint TRIANGLE_TEST = 0;
+const uint WATERTIGHT = 0, MOELLER_TRUMBORE = 1, WOOP = 2;
 
 // Per ray: nodes visited, boxes tested, triangles tested, nothing.
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Counts {
@@ -56,14 +61,28 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Visits {
     uint items[];
 };
 
+// Per triangle in leaf order, its index in file order. With WOOP, whose format leaves no room for it.
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Indices {
+    uint items[];
+};
+
 // `Tree` in traverse/mod.rs, and where the counters go.
 struct Tree {
     uint64_t nodes;
     Triangles triangles;
+    Indices indices;
     Counts counts;
     Visits visits;
     float extent;
 };
+
+// What the triangle test needs of a ray beside its origin: the shear, or in its registers the direction as it is.
+Shear aim(vec3 direction) {
+    if (TRIANGLE_TEST == WATERTIGHT) {
+        return shear_of(direction);
+    }
+    return Shear(direction, 0);
+}
 
 uint lanes(bool which) {
     return subgroupBallotBitCount(subgroupBallot(which));

@@ -1,16 +1,71 @@
 //! The traversal kernel's twin: the same tests, one ray at a time, and the brute force that both are held
 //! against.
 
-use super::{Counts, Hit, Ray};
+use super::{Counts, Hit, Ray, TriangleTest};
 use crate::{
     bvh2::Aabb,
-    layout::{self, LeafTriangle, NodeLayout, Target},
+    layout::{self, LeafTriangles, NodeLayout, Target, UnitTriangle},
 };
 
-/// The watertight test of `triangle.glsl`: the distance, or `None`.
+/// A test of a ray against a triangle: the distance, or `None`. `t_max` may be the best distance so far.
 ///
-/// `t_max` may be the best distance so far.
-pub fn intersect(ray: &Ray, t_max: f32, [v0, v1, v2]: &[[f32; 3]; 3]) -> Option<f32> {
+/// The twins round as their formulas stand. Kernels may fuse multiplications and additions where the watertight test
+/// does not forbid it, so their distances differ in the last places, and of the other two tests the decision about a
+/// ray that passes an edge (see [`passes_edge`]).
+pub fn intersect(test: TriangleTest, ray: &Ray, t_max: f32, triangle: &[[f32; 3]; 3]) -> Option<f32> {
+    match test {
+        TriangleTest::Watertight => watertight(ray, t_max, triangle),
+        TriangleTest::MoellerTrumbore => moeller_trumbore(ray, t_max, triangle),
+        TriangleTest::Woop => woop(ray, t_max, &UnitTriangle::new(triangle)),
+    }
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// `moeller_trumbore.glsl`.
+fn moeller_trumbore(ray: &Ray, t_max: f32, [v0, v1, v2]: &[[f32; 3]; 3]) -> Option<f32> {
+    let from_v0 = |p: &[f32; 3]| -> [f32; 3] { std::array::from_fn(|k| p[k] - v0[k]) };
+    let (e1, e2, s) = (from_v0(v1), from_v0(v2), from_v0(&ray.origin));
+    let p = cross(ray.direction, e2);
+    let inverse = 1.0 / dot(e1, p);
+    let u = dot(s, p) * inverse;
+    if !(0.0..=1.0).contains(&u) {
+        return None;
+    }
+    let q = cross(s, e1);
+    let v = dot(ray.direction, q) * inverse;
+    let t = dot(e2, q) * inverse;
+    (v >= 0.0 && u + v <= 1.0 && t > ray.t_min && t < t_max).then_some(t)
+}
+
+/// `woop.glsl`: Woop's test, by the map of a triangle.
+pub fn woop(ray: &Ray, t_max: f32, map: &UnitTriangle) -> Option<f32> {
+    let at = |row: [f32; 4]| {
+        let normal = [row[0], row[1], row[2]];
+        (dot(normal, ray.origin) + row[3], dot(normal, ray.direction))
+    };
+    let (above, along) = at(map.z);
+    let t = -above / along;
+    // A quotient that is no number fails here.
+    let within = t > ray.t_min && t < t_max;
+    if !within {
+        return None;
+    }
+    let [u, v] = [map.u, map.v].map(|row| {
+        let (origin, direction) = at(row);
+        origin + t * direction
+    });
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then_some(t)
+}
+
+/// `triangle.glsl`: the watertight test.
+fn watertight(ray: &Ray, t_max: f32, [v0, v1, v2]: &[[f32; 3]; 3]) -> Option<f32> {
     let d = ray.direction;
     let magnitude = d.map(f32::abs);
     let axis = if magnitude[0] > magnitude[1] {
@@ -104,7 +159,7 @@ impl Slab {
 /// leaf postponed, not knowing yet what it would have cut off.
 pub fn closest_hit<L: NodeLayout>(
     nodes: &[L::Node],
-    triangles: &[LeafTriangle],
+    triangles: &LeafTriangles,
     extent: f32,
     ray: &Ray,
 ) -> (Hit, Counts) {
@@ -127,10 +182,10 @@ pub fn closest_hit<L: NodeLayout>(
                 stack.extend(hit.into_iter().map(|(_, target)| target));
             }
             Target::Leaf { first, count } => {
-                for triangle in &triangles[first as usize..(first + count) as usize] {
+                for place in first as usize..(first + count) as usize {
                     counts.triangles += 1;
-                    if let Some(t) = intersect(ray, best.t, &triangle.corners()) {
-                        best = Hit { t, triangle: triangle.primitive };
+                    if let Some(t) = triangles.intersect(place, ray, best.t) {
+                        best = Hit { t, triangle: triangles.index(place) };
                     }
                 }
             }
@@ -140,14 +195,47 @@ pub fn closest_hit<L: NodeLayout>(
 }
 
 /// Tests every triangle.
-pub fn brute_force(triangles: &[[[f32; 3]; 3]], ray: &Ray) -> Hit {
+pub fn brute_force(triangles: &LeafTriangles, ray: &Ray) -> Hit {
     let mut best = Hit { t: ray.t_max, triangle: Hit::MISS };
-    for (index, triangle) in triangles.iter().enumerate() {
-        if let Some(t) = intersect(ray, best.t, triangle) {
-            best = Hit { t, triangle: index as u32 };
+    for place in 0..triangles.len() {
+        if let Some(t) = triangles.intersect(place, ray, best.t) {
+            best = Hit { t, triangle: triangles.index(place) };
         }
     }
     if best.triangle == Hit::MISS { Hit::NONE } else { best }
+}
+
+/// Whether a ray passes a line through two corners of a triangle within 2^-19 of the larger of `extent` and its origin's
+/// coordinates, or runs in the triangle's plane to 1 in 10,000.
+///
+/// There the tests that are not watertight decide by rounding, each device by its own. What they say of a ray that
+/// passes outside may besides be lost in a tree: boxes are wider than what is in them by 2^-21, which is more than
+/// rounding moves a ray across an edge, but at an acute corner less than it moves it beyond.
+pub fn passes_edge(ray: &Ray, triangle: &[[f32; 3]; 3], extent: f32) -> bool {
+    let corners = triangle.map(|v| glam::DVec3::from_array(v.map(f64::from)));
+    let origin = glam::DVec3::from_array(ray.origin.map(f64::from));
+    let direction = glam::DVec3::from_array(ray.direction.map(f64::from)).normalize();
+    let [v0, v1, v2] = corners;
+    let normal = (v1 - v0).cross(v2 - v0);
+    let tolerance = origin.abs().max_element().max(f64::from(extent)) * 0.5f64.powi(19);
+    normal.dot(direction).abs() <= 1e-4 * normal.length()
+        || (0..3).any(|k| {
+            let (from, to) = (corners[k], corners[(k + 1) % 3]);
+            let across = direction.cross(to - from);
+            let offset = from - origin;
+            // Lines that are all but parallel are as far apart as one is from a point of the other.
+            if across.length() > 1e-9 * (to - from).length() {
+                offset.dot(across).abs() <= tolerance * across.length()
+            } else {
+                offset.cross(direction).length() <= tolerance
+            }
+        })
+}
+
+/// Whether a ray enters a box, which is taken to be as much wider as kernels take it. `extent` is the scene's largest
+/// absolute coordinate.
+pub fn enters(ray: &Ray, bounds: &Aabb, extent: f32) -> bool {
+    Slab::new(ray, extent).enter(bounds, ray.t_min, ray.t_max.min(f32::MAX)).is_some()
 }
 
 /// The distance to the plane of the triangle that was hit, evaluated in double precision: what a hit file

@@ -14,7 +14,7 @@ if (ray == MISS && index < count) {
     origin = r.origin;
     t_min = r.t_min;
     slab = slab_of(r.origin, r.direction, tree.extent, PAD);
-    shear = shear_of(r.direction);
+    shear = aim(r.direction);
     best = Hit(min(r.t_max, LARGEST), MISS);
 #if defined(LAYOUT_COMPRESSED)
     group = ROOT;

@@ -3,7 +3,7 @@
 use super::*;
 use crate::{
     gpu::interface::{Module, fields},
-    layout::LeafTriangle,
+    layout::{LeafTriangle, UnitTriangle},
 };
 
 #[test]
@@ -12,11 +12,13 @@ fn the_shaders_see_memory_as_the_host_does() {
         Module::read(shaders::traverse_closest_hit(layout))
             .assert_push_constants(
                 size_of::<Arguments>(),
-                &fields!(Arguments: rays, hits, nodes, triangles, queue, counts, visits, extent),
+                &fields!(Arguments: rays, hits, nodes, triangles, indices, queue, counts, visits, extent),
             )
             .assert_items("Rays", size_of::<Ray>(), Some(&fields!(Ray: origin, t_min, direction, t_max)))
             .assert_items("Hits", size_of::<Hit>(), Some(&fields!(Hit: t, triangle)))
             .assert_items("Triangles", size_of::<LeafTriangle>(), None)
+            .assert_items("UnitTriangles", size_of::<UnitTriangle>(), Some(&fields!(UnitTriangle: z, u, v)))
+            .assert_items("Indices", 4, None)
             .assert_items("Counts", size_of::<Counts>(), None)
             .assert_items("Visits", 4, None)
             .assert_items("Words1", 4, None)
@@ -25,6 +27,7 @@ fn the_shaders_see_memory_as_the_host_does() {
             .assert_specialization(1, "STACK_SIZE")
             .assert_specialization(4, "COUNT")
             .assert_specialization(6, "STRIDE")
+            .assert_specialization(10, "TRIANGLE_TEST")
             .assert_block("Queue", &fields!(Queue: next, count, finished, unused));
     }
 }

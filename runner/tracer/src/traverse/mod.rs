@@ -4,6 +4,9 @@ pub mod cpu;
 pub mod groups;
 #[cfg(test)]
 mod interface_tests;
+mod triangle;
+
+pub use triangle::{TriangleParams, TriangleTest};
 
 use crate::{
     Error,
@@ -146,7 +149,8 @@ pub struct Technique {
     /// The subgroups of a workgroup wait for each other between nodes and triangles, so that lanes which have parted
     /// meet again (thesis 5.3). For schedules in phases only: votes of 0.
     pub barrier: bool,
-    /// A triangle's distance is computed before it is known whether it is hit (thesis 5.2).
+    /// A triangle's distance is computed before it is known whether it is hit (thesis 5.2). Of the watertight test;
+    /// Woop's always does that, and Möller and Trumbore's never.
     pub hoist: bool,
     /// Lanes that part in a branch go on together behind it (`SPV_KHR_maximal_reconvergence`).
     pub reconverge: bool,
@@ -160,6 +164,14 @@ impl Params {
             Wave::Secondary => self.secondary_subgroups,
         };
         subgroups.saturating_mul(gpu.info().subgroup_size)
+    }
+
+    /// Whether the device has room for the workgroups of both kernels.
+    pub fn fits(&self, gpu: &Gpu, layout: Layout) -> bool {
+        [Wave::Primary, Wave::Secondary].into_iter().all(|wave| {
+            let size = self.workgroup_size(gpu, wave);
+            size <= gpu.info().max_workgroup_size && self.check_shared_memory(gpu, layout, size).is_ok()
+        })
     }
 
     /// Fails where workgroups of a size cannot have the stack's shared entries.
@@ -227,6 +239,10 @@ pub struct Tree {
     pub nodes: u64,
     /// Address of the triangles in leaf order, 48 bytes each.
     pub triangles: u64,
+    /// Address of their indices in file order, 0 where triangles contain them.
+    pub indices: u64,
+    /// What triangles are stored for.
+    pub test: TriangleTest,
     /// How nodes are stored.
     pub layout: Layout,
     /// Bytes from one node to the next.
@@ -260,6 +276,7 @@ struct Arguments {
     hits: u64,
     nodes: u64,
     triangles: u64,
+    indices: u64,
     queue: u64,
     counts: u64,
     visits: u64,
@@ -357,6 +374,7 @@ impl Traversal {
             hits: buffers.hits,
             nodes: tree.nodes,
             triangles: tree.triangles,
+            indices: tree.indices,
             queue: buffers.queue,
             counts: buffers.counts,
             visits: buffers.visits,
@@ -409,7 +427,8 @@ pub(crate) fn constants(
     }
     let [barrier, hoist] = [barrier, hoist].map(u32::from);
     let stride = tree.stride as u32;
-    let of_all = [stack, fetch_below, quota, counting as u32, postpone, stride, vote, barrier, hoist, 0];
+    let (counting, test) = (counting as u32, tree.test as u32);
+    let of_all = [stack, fetch_below, quota, counting, postpone, stride, vote, barrier, hoist, test];
     let constants = of_all.into_iter().chain(params.groups.constants(params.order, lanes)).collect();
     Ok((constants, stack / times))
 }

@@ -4,7 +4,7 @@ use crate::{
     bvh2::{Aabb, Bvh2, LEAF, MAX_LEVELS, Triangle},
     collapse::Subtree,
     contract::WideBvh,
-    layout::{LeafTriangle, NodeLayout, Target, children},
+    layout::{LeafTriangles, NodeLayout, Target, children},
 };
 
 /// What is wrong with a tree, in words that name the node.
@@ -218,9 +218,10 @@ pub fn wide(wide: &WideBvh, tree: &Bvh2, subtrees: &[Subtree], keeps_leaves: boo
     Ok(())
 }
 
-/// Checks nodes in a layout: every node is reached once, every triangle is in a leaf and unchanged, and
-/// every child's box is exactly, or where the layout rounds contains, the box of all below it. Returns the depth:
-/// nodes on the longest way down.
+/// Checks nodes in a layout: every node is reached once, every triangle is in a leaf and unchanged, or stored as
+/// the map that belongs to it ([`crate::layout::UnitTriangle::fault`] says how exactly), and every child's box is
+/// exactly, or where the layout rounds contains, the box of all below it. Returns the depth: nodes on the longest way
+/// down.
 ///
 /// `parts` are the boxes of the places in leaves where triangles may be in several ([`crate::sbvh`]); without them each
 /// triangle is in one leaf, as a whole.
@@ -229,7 +230,7 @@ pub fn wide(wide: &WideBvh, tree: &Bvh2, subtrees: &[Subtree], keeps_leaves: boo
 /// The first violation found.
 pub fn layout<L: NodeLayout>(
     nodes: &[L::Node],
-    leaf_triangles: &[LeafTriangle],
+    leaf_triangles: &LeafTriangles,
     triangles: &[Triangle],
     parts: Option<&[Aabb]>,
 ) -> Result<usize, Invalid> {
@@ -237,18 +238,29 @@ pub fn layout<L: NodeLayout>(
     let n = parts.map_or(triangles.len(), <[Aabb]>::len);
     require!(places == n, "{places} triangles in leaves, not {n}");
     let mut seen = vec![false; triangles.len()];
-    for (i, t) in leaf_triangles.iter().enumerate() {
-        let p = t.primitive as usize;
+    for i in 0..n {
+        let p = leaf_triangles.index(i) as usize;
         require!(p < triangles.len(), "place {i} holds triangle {p} of {}", triangles.len());
         require!(parts.is_some() || !seen[p], "triangle {p} has two places");
         seen[p] = true;
-        require!(t.corners() == triangles[p], "place {i} holds other corners than triangle {p}");
+        match leaf_triangles {
+            LeafTriangles::Corners { triangles: stored, .. } => {
+                require!(
+                    stored[i].corners() == triangles[p],
+                    "place {i} holds other corners than triangle {p}"
+                );
+            }
+            LeafTriangles::Maps { maps, .. } => {
+                let fault = maps[i].fault(&triangles[p]);
+                require!(fault.is_none(), "place {i} is not for triangle {p}: {}", fault.unwrap_or_default());
+            }
+        }
     }
     let missing = seen.iter().position(|seen| !seen);
     require!(missing.is_none(), "triangle {missing:?} has no place");
     let part = |place: usize| match parts {
         Some(parts) => parts[place],
-        None => Aabb::of(&leaf_triangles[place].corners()),
+        None => Aabb::of(&triangles[leaf_triangles.index(place) as usize]),
     };
 
     // From the root down, in the order in which nodes are reached: children come after their parents.
@@ -316,11 +328,12 @@ mod tests {
         collapse::{self, CollapseParams},
         contract::{self, ContractParams},
         layout::{
-            LayoutParams,
+            LayoutParams, LeafTriangle,
             binary::{self, Binary, BinaryNode},
         },
         ploc::{self, PlocParams},
         sbvh::{self, SbvhParams},
+        traverse::TriangleTest,
     };
 
     fn strip(n: usize) -> Vec<Triangle> {
@@ -420,11 +433,19 @@ mod tests {
         let wide = contract::cpu::contract(&tree, &subtrees, 1.0, 2, &ContractParams::default(), None);
         let (nodes, leaves) =
             crate::layout::cpu::encode::<Binary>(&wide, &tree, &triangles, &LayoutParams::default());
-        assert_eq!(layout::<Binary>(&nodes, &leaves, &triangles, None), Ok(subtrees[18].height as usize));
+        let stored = TriangleTest::ALL.map(|test| LeafTriangles::new(test, leaves.clone()));
+        for stored in &stored {
+            assert_eq!(layout::<Binary>(&nodes, stored, &triangles, None), Ok(subtrees[18].height as usize));
+        }
         let damage = |f: fn(&mut Vec<BinaryNode>, &mut Vec<LeafTriangle>)| {
             let (mut nodes, mut leaves) = (nodes.clone(), leaves.clone());
             f(&mut nodes, &mut leaves);
-            layout::<Binary>(&nodes, &leaves, &triangles, None).unwrap_err().0
+            let [corners, _, maps] = TriangleTest::ALL.map(|test| {
+                let leaves = LeafTriangles::new(test, leaves.clone());
+                layout::<Binary>(&nodes, &leaves, &triangles, None).unwrap_err().0
+            });
+            assert_eq!(corners, maps);
+            corners
         };
         assert!(damage(|n, _| n[1].hi0[0] += 100.0).contains("larger box"));
         assert!(damage(|n, _| n[1].hi0[0] -= 0.25).contains("sticks out"));
@@ -432,5 +453,9 @@ mod tests {
         assert!(damage(|n, _| n.push(binary::EMPTY_NODE)).contains("not reached"));
         assert!(damage(|_, l| l.swap(0, 19)).contains("sticks out"));
         assert!(damage(|_, l| l[3] = l[4]).contains("two places"));
+        let [.., LeafTriangles::Maps { mut maps, indices }] = stored else { panic!("{stored:?}") };
+        maps.swap(0, 19);
+        let swapped = layout::<Binary>(&nodes, &LeafTriangles::Maps { maps, indices }, &triangles, None);
+        assert!(swapped.unwrap_err().0.contains("place 0 is not for triangle"));
     }
 }

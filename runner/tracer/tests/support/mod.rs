@@ -15,7 +15,7 @@ use tracer::{
     layout::{Layout, compressed::Compressed8},
     scene::{LoadReport, Material, Origin, Provenance, Scene, Sky, View},
     traverse::{
-        Counting, Counts, Hit, Language, Params, Ray, Traversal, Tree, cpu,
+        Counting, Counts, Hit, Language, Params, Ray, Traversal, Tree, TriangleParams, TriangleTest, cpu,
         groups::{self, Order},
     },
     with_layout,
@@ -164,6 +164,12 @@ pub fn builder() -> &'static Builder {
     builder_of(Layout::Binary)
 }
 
+/// The same with triangles stored for a test.
+pub fn builder_for(test: TriangleTest, layout: Layout) -> Builder {
+    let params = BuildParams { triangle: TriangleParams { test }, ..usual(layout) };
+    Builder::new(gpu(), &params, layout).expect("a builder")
+}
+
 /// Builds a tree.
 pub fn plant(builder: &Builder, triangles: &[Triangle]) -> Planted {
     let workspace = builder.workspace(triangles.len()).unwrap();
@@ -171,7 +177,7 @@ pub fn plant(builder: &Builder, triangles: &[Triangle]) -> Planted {
     let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
     let extent = triangles.as_flattened().as_flattened().iter().fold(0f32, |m, x| m.max(x.abs()));
     let tree = workspace.wide.tree(&report.summary, extent);
-    let leaves = workspace.wide.stored.triangles.read(0, triangles.len()).unwrap();
+    let leaves = workspace.wide.stored.triangles.read(triangles.len()).unwrap();
     let count = report.summary.nodes as usize;
     let twin: Twin = if tree.layout.is_compressed() {
         let nodes = workspace.wide.read_nodes::<Compressed8>(count).unwrap();
@@ -213,11 +219,11 @@ pub fn traversal(tree: &Tree, counting: Counting) -> &'static Traversal {
 
 /// The same in a language.
 pub fn traversal_in(language: Language, tree: &Tree, counting: Counting) -> &'static Traversal {
-    type Key = (Language, Layout, usize, u32, u32);
+    type Key = (Language, Layout, TriangleTest, usize, u32, u32);
     static KERNELS: Mutex<Option<HashMap<Key, &'static OnceLock<Traversal>>>> = Mutex::new(None);
     let params = Params { language, ..Params::default() };
     let stack = tree.stack.next_multiple_of(32).max(params.stack);
-    let key = (language, tree.layout, tree.stride, stack, counting as u32);
+    let key = (language, tree.layout, tree.test, tree.stride, stack, counting as u32);
     // Nobody waits for kernels that somebody else compiles, unless they are the same.
     let slot = *KERNELS
         .lock()

@@ -113,19 +113,7 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
             if (triangles.y != 0) {
                 uint index = triangles.x + findLSB(triangles.y);
                 triangles.y &= triangles.y - 1;
-                vec4 v0 = tree.triangles.items[index].v0_index;
-                vec4 v1 = tree.triangles.items[index].v1;
-                vec4 v2 = tree.triangles.items[index].v2;
-                if (COUNT == RAYS) {
-                    triangles_tested++;
-                }
-                float t = intersect(origin, shear, t_min, best.t, v0.xyz, v1.xyz, v2.xyz, HOIST != 0, uncertain);
-                if (uncertain) {
-                    t = exact_distance(rays, ray, tree.triangles, index);
-                }
-                if (t > t_min && t < best.t) {
-                    best = Hit(t, floatBitsToUint(v0.w));
-                }
+#include "traverse/meet_triangle.glsl"
             }
             if (QUOTA != 0) {
                 steps += subgroupAny(uncertain) ? 3 : 0;  // the loop in exact_distance

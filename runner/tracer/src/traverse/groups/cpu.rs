@@ -2,8 +2,8 @@
 
 use super::Order;
 use crate::{
-    layout::{LeafTriangle, compressed::CompressedNode},
-    traverse::{Counts, Hit, Ray, cpu},
+    layout::{LeafTriangles, compressed::CompressedNode},
+    traverse::{Counts, Hit, Ray},
 };
 
 /// Boxes are taken to be wider by this share of the largest coordinate on each side: `PAD` in `node.glsl`.
@@ -53,7 +53,7 @@ const NODES: u32 = 0xff00_0000;
 /// The nearest hit through compressed nodes; `extent` is the scene's largest absolute coordinate.
 pub fn closest_hit(
     nodes: &[CompressedNode],
-    triangles: &[LeafTriangle],
+    triangles: &LeafTriangles,
     extent: f32,
     order: Order,
     ray: &Ray,
@@ -89,10 +89,10 @@ pub fn closest_hit(
             stack.push(children);
         }
         for offset in (0..24).filter(|offset| met >> offset & 1 == 1) {
-            let triangle = &triangles[(node.first_triangle + offset) as usize];
+            let place = (node.first_triangle + offset) as usize;
             counts.triangles += 1;
-            if let Some(t) = cpu::intersect(ray, best.t, &triangle.corners()) {
-                best = Hit { t, triangle: triangle.primitive };
+            if let Some(t) = triangles.intersect(place, ray, best.t) {
+                best = Hit { t, triangle: triangles.index(place) };
             }
         }
     }
