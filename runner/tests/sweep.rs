@@ -1,6 +1,6 @@
 //! Sweeps as their users meet them: stopped, killed, resumed, split and joined.
 
-use record::{Exclusion, Record, Stop};
+use record::{Exclusion, Method, Record, Sample, Stop};
 use serde_json::Value;
 use std::{
     collections::BTreeSet,
@@ -130,6 +130,32 @@ fn a_sweep_writes_a_valid_record_and_has_nothing_left_to_do() {
     assert_ne!(journaled(&at.join("other")), journaled(&at.join("out")));
 }
 
+/// Also of trees that go by view, which are made anew in every round, and goes on where it was stopped.
+#[test]
+fn launches_of_the_same_rays_are_swept_like_paths() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let text = "scenes = [\"sphereflake:triangles=1000,seed=3\"]\nvariants = [\"Binary\", \"Wide4 CBTC\"]\nviews = \"0-1\"\n\
+                size = \"32x18\"\nmethod = \"replay\"\nbuilds = 1\norder = { reference-every = 0 }\n\
+                samples = { least = 2, most = 4, half-width = \"0.001%\" }\n";
+    fs::write(at.join("x.toml"), text).unwrap();
+    works(at, "sweep x.toml -o out --validate");
+    let record = valid(&at.join("out/record.json"));
+    assert_eq!((record.run.method, record.run.depth), (Method::Replay, 9));
+    assert_eq!(record.sweep.as_ref().unwrap().config["settings"]["method"], "replay");
+    for view in record.results.iter().flat_map(|point| &point.views) {
+        assert_eq!(view.samples.len(), 4, "rounds add to what is there");
+        let rays = |sample: &Sample| sample.depths.iter().map(|launch| launch.rays).collect::<Vec<_>>();
+        assert!(view.samples.iter().all(|sample| rays(sample) == rays(&view.samples[0])));
+    }
+    let journal = at.join("out/journal.jsonl");
+    let whole = fs::read(&journal).unwrap();
+    fs::write(&journal, &whole[..whole.len() - 50]).unwrap();
+    let (_, err) = works(at, "sweep x.toml -o out");
+    assert!(err.contains("1 of 2 points are there already"), "{err}");
+    assert_eq!(valid(&at.join("out/record.json")).results.len(), 2);
+}
+
 #[test]
 fn what_has_changed_is_not_resumed() {
     let here = small(2, "");
@@ -138,6 +164,7 @@ fn what_has_changed_is_not_resumed() {
     let journal = at.join("out/journal.jsonl");
     let text = fs::read_to_string(&journal).unwrap();
     fails(at, "sweep x.toml --set depth=3 -o out", &["another sweep", "depth", "Take another -o"]);
+    fails(at, "sweep x.toml --set method=replay -o out", &["another sweep", "method was paths, now replay"]);
     fails(at, "sweep x.toml --only collapse.c_t=2 -o out", &["another sweep"]);
     fails(at, "sweep x.toml --shard 1/2 -o out", &["the share of the sweep was all of it, now 1/2"]);
     assert_eq!(fs::read_to_string(&journal).unwrap(), text, "a refusal changes nothing");

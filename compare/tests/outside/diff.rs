@@ -152,6 +152,7 @@ fn what_differs_for_another_reason_is_refused_or_marked() {
     });
     refused("clocks: ", |r| r.run.policy = None);
     refused("picture: 640 × 360 before, 1280 × 360 after", |r| r.run.width = 1280);
+    refused("method: paths before, replay after", |r| r.run.method = record::Method::Replay);
     refused("most rays in a path: 3 before, 4 after", |r| r.run.depth = 4);
     refused("scene city: its triangles are not the same ones", |r| r.results[2].scene.triangles += 1);
     refused("the device was slowed down after: sponza, Wide4", |r| {
