@@ -207,6 +207,7 @@ pub fn variants(tuning: &args::Tuning, json: bool) -> anyhow::Result<()> {
                 "node_bytes": bytes,
                 "stride_bytes": stride,
                 "quantized": variant.layout.is_quantized(),
+                "bits": variant.layout.bits(&params.layout),
                 "contraction": method.to_string(),
                 "by_view": variant.by_view,
                 "parameters": params,
@@ -221,7 +222,7 @@ pub fn variants(tuning: &args::Tuning, json: bool) -> anyhow::Result<()> {
             },
             variant.layout.arity().to_string(),
             if stride == bytes { bytes.to_string() } else { format!("{bytes} in {stride}") },
-            if variant.layout.is_quantized() { "8 bits a plane" } else { "32 bits a plane" }.to_owned(),
+            format!("{} bits a plane", variant.layout.bits(&params.layout)),
             if variant.layout == Layout::Binary { "none".to_owned() } else { method.to_string() },
             params.collapse.traversal_cost.to_string(),
             format!("{}, {}", params.trace.primary_subgroups, params.trace.secondary_subgroups),
@@ -234,8 +235,9 @@ pub fn variants(tuning: &args::Tuning, json: bool) -> anyhow::Result<()> {
     let unavailable = Variant::ALL.iter().find_map(|variant| variant.missing());
     let unavailable = unavailable.map(|reason| format!("\n\nunavailable: {reason}")).unwrap_or_default();
     print(&format!(
-        "{}{unavailable}\n\ncontraction: sah by surface area and triangles, cbtc by visits of sample rays from the view. c_t: what\n\
-         visiting a node costs when leaves are merged. subgroups: of a workgroup, for primary and secondary rays.\n\
+        "{}{unavailable}\n\ncontraction: sah by surface area and triangles, cbtc by visits of sample rays from the view, optimal of least\n\
+         SAH cost. c_t: what visiting a node costs when leaves are merged. subgroups: of a workgroup, for primary and\n\
+         secondary rays.\n\
          All of these are parameters; `--set` changes them, as it does in `runner run`.",
         table::shown(&rows)
     ))

@@ -69,9 +69,18 @@ macro_rules! with_layout {
 }
 
 impl Layout {
-    /// Whether planes are stored in 8 bits.
+    /// Whether it is one of the thesis's quantized ones.
     pub fn is_quantized(self) -> bool {
         matches!(self, Self::Quantized4 | Self::Quantized6 | Self::Quantized8)
+    }
+
+    /// Bits of a plane under `params`.
+    pub fn bits(self, params: &LayoutParams) -> u32 {
+        match self {
+            Self::Binary | Self::Wide4 | Self::Wide6 | Self::Wide8 => 32,
+            Self::Quantized4 | Self::Quantized6 | Self::Quantized8 => 8,
+            Self::Compressed8 => params.bits,
+        }
     }
 
     /// Whether it is the compressed one, whose slots have an order of their own.
