@@ -139,8 +139,11 @@ impl<'i, 'r> Rows<'i, 'r> {
             |one: &Series, scene: &str| one.points.get(scene).is_some_and(|point| figure(point).is_some());
         let (whole, part): (Vec<&str>, Vec<&str>) = (self.scenes.iter().map(String::as_str))
             .partition(|scene| self.series.iter().chain([&self.reference]).all(|one| has(one, scene)));
-        for scene in part {
-            self.input.remark(format!("{scene}: left out for {what}, because not every row has that there"));
+        // What no row has anywhere, such as bounces beyond the longest path, needs no remark.
+        let known = self.series.iter().any(|one| self.scenes.iter().any(|scene| has(one, scene)));
+        if known && !part.is_empty() {
+            let part = part.join(", ");
+            self.input.remark(format!("{part}: left out for {what}, because not every row has that there"));
         }
         whole
     }
@@ -150,12 +153,21 @@ impl<'i, 'r> Rows<'i, 'r> {
     pub fn explained(&self) -> String {
         let mut text = String::new();
         if self.are_varied() {
-            text += " Parameters that a row does not name are those of the first row of its method";
-            let firsts: Vec<String> = (0..self.series.len())
+            let firsts: Vec<&Series> = (0..self.series.len())
                 .filter(|&at| self.begins(at) && !self.series[at].pass.0.is_empty())
-                .map(|at| format!("{} with {}", self.series[at].variant, self.series[at].pass))
+                .map(|at| &self.series[at])
                 .collect();
-            text += &format!(": {}.", firsts.join("; "));
+            let passes = in_order(firsts.iter().map(|first| &first.pass));
+            let of = |pass: &Pass| -> String {
+                let own = firsts.iter().filter(|first| first.pass == *pass);
+                let names: Vec<&str> = own.map(|first| first.variant).collect();
+                if passes.len() > 1 { format!("{pass} of {}", names.join(", ")) } else { pass.to_string() }
+            };
+            let all: Vec<String> = passes.iter().map(|pass| of(pass)).collect();
+            text += &format!(
+                " Parameters that a row does not name are those of the first row of its method: {}.",
+                all.join("; ")
+            );
         }
         let points = self
             .series
