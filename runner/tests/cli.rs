@@ -455,16 +455,56 @@ fn every_variant_is_measured_and_compared() {
         }
         let children = point.of_trees(|t| t.average_children);
         assert_eq!(point.variant.starts_with("Binary"), children == 2.0, "{}: {children}", point.variant);
-        // What a variant has of its own is in its point; the c_t of the compressed one is the default.
-        let wide = (point.variant.starts_with("Wide8") || point.variant.starts_with("Wide6"))
-            && !point.variant.ends_with("Compressed");
-        assert_eq!(point.parameters.get("collapse.c_t").is_some(), wide, "{}", point.variant);
+        // What a variant has of its own is in its point.
+        let compressed = point.variant == "Wide8 Compressed";
+        let wide = point.variant.starts_with("Wide8") || point.variant.starts_with("Wide6");
+        assert_eq!(point.parameters.get("collapse.c_t").is_some(), wide && !compressed, "{}", point.variant);
+        assert_eq!(point.parameters.get("contract.by-area").is_some(), compressed, "{}", point.variant);
     }
     let nodes = |name: &str| {
         let point = record.results.iter().find(|p| p.variant == name).unwrap();
         point.counters().unwrap().all().per_ray().unwrap().nodes
     };
     assert!(nodes("Wide4") < 0.7 * nodes("Binary") && nodes("Wide8") < nodes("Wide4"));
+}
+
+#[test]
+fn a_tree_with_spatial_splits_is_measured_validated_and_kept() {
+    let here = folder();
+    let set = "--set build.method=sbvh";
+    let line = format!(
+        "run city:triangles=3000 --variant Wide4 --variant *Compressed --variant Wide4*CBTC --samples 1 --size 48x27 \
+         --views 0 --builds 2 --depth 3 {set} -o x.json"
+    );
+    let kept = "a tree of";
+    // Where drivers keep their kernels, too.
+    let cache = folder();
+    let kept_there = |line: &str| {
+        let output = runner(here.path(), line).env("XDG_CACHE_HOME", cache.path()).output().unwrap();
+        assert!(output.status.success(), "runner {line}: {}", text(&output.stderr));
+        output
+    };
+    let (first, again) = (kept_there(&line), kept_there(&line));
+    let told = [text(&first.stderr), text(&again.stderr)].map(|told| {
+        let line = told.lines().find(|line| line.contains(kept)).unwrap_or_default().to_owned();
+        assert_eq!(told.matches(kept).count(), 1, "built once for all variants: {told}");
+        line
+    });
+    assert!(told[0].contains("built in") && told[1].contains("kept from before"), "{told:?}");
+    let record = valid(&here.path().join("x.json"));
+    for point in &record.results {
+        let phases: Vec<&str> = point.build.repetitions[0].phases.iter().map(|p| p.name.as_str()).collect();
+        assert!(phases.starts_with(&["sbvh"]) && !phases.contains(&"ploc"), "{phases:?}");
+    }
+    let line = format!(
+        "validate city:triangles=3000 --variant Wide4*CBTC --variant *Compressed --size 48x27 --views 0 {set}"
+    );
+    let found = text(&works(here.path(), &line).stdout);
+    assert!(
+        found.contains("leaves cover the triangles") && found.trim_end().ends_with("everything holds"),
+        "{found}"
+    );
+    fails(here.path(), "run cornell --variant *Compressed --set contract.p_max=4", 1, &["contract.p_max=3"]);
 }
 
 #[test]
