@@ -465,8 +465,7 @@ impl Contract {
             };
             pass.dispatch("prepare", &self.prepare, &push, 1);
             if let (Some(planner), Some(plans)) = (&self.planner, &buffers.plans) {
-                let Input { tree, subtrees, bounds, large_levels, .. } = *input;
-                planner.record(pass, optimal::Input { tree, subtrees, bounds, large_levels }, plans);
+                planner.record(pass, input, plans);
             }
         }
         let push = Push {

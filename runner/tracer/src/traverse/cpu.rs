@@ -122,16 +122,19 @@ fn plane_distance(ray: &Ray, triangle: &[[f32; 3]; 3]) -> f64 {
 }
 
 /// `Slab` of `slab.glsl`: what the conservative box test needs of a ray.
-struct Slab {
-    inverse: [f32; 3],
-    lower: [f32; 3],
-    upper: [f32; 3],
+pub(super) struct Slab {
+    pub inverse: [f32; 3],
+    pub lower: [f32; 3],
+    pub upper: [f32; 3],
 }
 
 impl Slab {
-    fn new(ray: &Ray, extent: f32) -> Self {
+    /// `EXACT_PAD` in `slab.glsl`.
+    pub const EXACT_PAD: f32 = 1.0 / 2_097_152.0;
+
+    pub fn new(ray: &Ray, extent: f32, pad: f32) -> Self {
         let inverse = ray.direction.map(|d| (if d < 0.0 { -1.0 } else { 1.0 }) / d.abs().max(1e-18));
-        let pad = ray.origin.map(|o| o.abs().max(extent) * 0.5f32.powi(21));
+        let pad = ray.origin.map(|o| o.abs().max(extent) * pad);
         let (o, p, i) = (ray.origin, pad, inverse);
         Self {
             inverse,
@@ -163,7 +166,7 @@ pub fn closest_hit<L: NodeLayout>(
     extent: f32,
     ray: &Ray,
 ) -> (Hit, Counts) {
-    let slab = Slab::new(ray, extent);
+    let slab = Slab::new(ray, extent, Slab::EXACT_PAD);
     let mut best = Hit { t: ray.t_max.min(f32::MAX), triangle: Hit::MISS };
     let mut counts = Counts::default();
     let mut stack = vec![Target::Node(0)];
@@ -235,7 +238,7 @@ pub fn passes_edge(ray: &Ray, triangle: &[[f32; 3]; 3], extent: f32) -> bool {
 /// Whether a ray enters a box, which is taken to be as much wider as kernels take it. `extent` is the scene's largest
 /// absolute coordinate.
 pub fn enters(ray: &Ray, bounds: &Aabb, extent: f32) -> bool {
-    Slab::new(ray, extent).enter(bounds, ray.t_min, ray.t_max.min(f32::MAX)).is_some()
+    Slab::new(ray, extent, Slab::EXACT_PAD).enter(bounds, ray.t_min, ray.t_max.min(f32::MAX)).is_some()
 }
 
 /// The distance to the plane of the triangle that was hit, evaluated in double precision: what a hit file

@@ -25,8 +25,8 @@
 //! Going down from the root by these decisions, `contract.glsl` finds each wide node's children. The collapse has no
 //! say; only its numbers of triangles are used.
 
+use super::Input;
 use crate::{
-    bvh2::Bvh2Buffers,
     gpu::{Buffer, Error, Gpu, Pass, shaders},
     upwards::Upwards,
 };
@@ -67,15 +67,6 @@ struct Push {
     level: u32,
 }
 
-/// What is planned for.
-#[derive(Clone, Copy)]
-pub(super) struct Input<'a> {
-    pub tree: &'a Bvh2Buffers,
-    pub subtrees: &'a Buffer,
-    pub bounds: &'a Buffer,
-    pub large_levels: u32,
-}
-
 impl Planner {
     pub fn new(gpu: &Gpu, arity: usize, costs: Costs) -> Result<Self, Error> {
         Ok(Self { kernel: Upwards::new(gpu, shaders::contract_optimal_costs(arity), &[])?, arity, costs })
@@ -87,7 +78,7 @@ impl Planner {
     }
 
     /// Plans for every inner node.
-    pub fn record(&self, pass: &mut Pass, input: Input<'_>, plans: &Buffer) {
+    pub fn record(&self, pass: &mut Pass, input: &Input<'_>, plans: &Buffer) {
         let Costs { node, triangle, max_leaf } = self.costs;
         self.kernel.record(pass, input.tree, input.large_levels, |level| Push {
             nodes: input.tree.nodes.address(),

@@ -3,33 +3,11 @@
 use super::Order;
 use crate::{
     layout::{LeafTriangles, compressed::CompressedNode},
-    traverse::{Counts, Hit, Ray},
+    traverse::{Counts, Hit, Ray, cpu::Slab},
 };
 
-/// Boxes are taken to be wider by this share of the largest coordinate on each side: `PAD` in `node.glsl`.
-const PAD: f32 = 1.5 / 2_097_152.0;
-
-/// `Slab` of `slab.glsl`, its biases by the side that the ray comes to first.
-struct Slab {
-    inverse: [f32; 3],
-    near: [f32; 3],
-    far: [f32; 3],
-}
-
-impl Slab {
-    fn new(ray: &Ray, extent: f32) -> Self {
-        let inverse = ray.direction.map(|d| (if d < 0.0 { -1.0 } else { 1.0 }) / d.abs().max(1e-18));
-        let bias = |k: usize, side: f32| {
-            let wider = ray.origin[k].abs().max(extent) * PAD;
-            -(ray.origin[k] + side * inverse[k].signum() * wider) * inverse[k]
-        };
-        Self {
-            inverse,
-            near: std::array::from_fn(|k| bias(k, 1.0)),
-            far: std::array::from_fn(|k| bias(k, -1.0)),
-        }
-    }
-}
+/// `PAD` in `node.glsl`.
+const PAD: f32 = 1.5 * Slab::EXACT_PAD;
 
 /// `inverse_octant` of `closest_hits.glsl`.
 fn inverse_octant(order: Order, inverse: [f32; 3], first_node: u32) -> u32 {
@@ -58,7 +36,7 @@ pub fn closest_hit(
     order: Order,
     ray: &Ray,
 ) -> (Hit, Counts) {
-    let slab = Slab::new(ray, extent);
+    let slab = Slab::new(ray, extent, PAD);
     let mut best = Hit { t: ray.t_max.min(f32::MAX), triangle: Hit::MISS };
     let mut counts = Counts::default();
     let mut stack = vec![Group { first: 0, bits: 1 << 31 }];
@@ -103,10 +81,15 @@ pub fn closest_hit(
 fn meet(node: &CompressedNode, slab: &Slab, octinv: u32, t_min: f32, t_max: f32) -> (u32, [f32; 8]) {
     let step: [f32; 3] =
         std::array::from_fn(|k| f32::from_bits(u32::from(node.exponents[k]) << 23) * slab.inverse[k]);
-    let along = |bias: [f32; 3]| -> [f32; 3] {
-        std::array::from_fn(|k| f32::from_bits(node.origin[k]).mul_add(slab.inverse[k], bias[k]))
+    // Of the planes that the ray comes to first, and of the others.
+    let along = |first: bool| -> [f32; 3] {
+        std::array::from_fn(|k| {
+            let lower = first == (slab.inverse[k] >= 0.0);
+            let bias = if lower { slab.lower[k] } else { slab.upper[k] };
+            f32::from_bits(node.origin[k]).mul_add(slab.inverse[k], bias)
+        })
     };
-    let (near, far) = (along(slab.near), along(slab.far));
+    let (near, far) = (along(true), along(false));
     let (mut met, mut t) = (0, [0.0; 8]);
     for (slot, t) in t.iter_mut().enumerate() {
         let (mut enters, mut leaves) = (t_min, t_max);
