@@ -3,6 +3,7 @@
 
 mod held;
 mod kernels;
+mod ramp;
 mod settle;
 mod shots;
 mod start;
@@ -20,6 +21,7 @@ use crate::{
     variant::Variant,
 };
 use kernels::Kernels;
+use ramp::Ramp;
 use record::{Adaptation, Build, Count, Counters, Exclusion, Measurement, Method, Point, Stop, Timestamp};
 use shots::Shots;
 use std::time::{Duration, Instant};
@@ -256,8 +258,8 @@ impl Measuring<'_> {
     }
 
     /// Adds samples to a view until `goal` of them count, or there are as many as there may be, or `deadline`
-    /// has passed. The device has been busy since `begun`, and is to be for at `least` so long before. False
-    /// where the user stopped it.
+    /// has passed. The device has been busy since `begun`, and is to be for at `least` so long before, and longer while
+    /// its clock still rises. False where the user stopped it.
     fn samples(
         &self,
         view: &mut record::View,
@@ -270,6 +272,14 @@ impl Measuring<'_> {
         let plan = self.plan;
         let mut warmed = 0;
         while warmed < plan.warm_up || (plan.warm_up > 0 && begun.elapsed() < least) {
+            shots.sample(u32::MAX - 1 - warmed)?;
+            warmed += 1;
+        }
+        let mut ramp = Ramp::new(plan.clock.as_ref(), Instant::now());
+        while plan.warm_up > 0
+            && !watch.interrupted()
+            && ramp.rises(self.telemetry.moment().sm_clock_mhz, Instant::now())
+        {
             shots.sample(u32::MAX - 1 - warmed)?;
             warmed += 1;
         }

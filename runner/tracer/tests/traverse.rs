@@ -408,6 +408,51 @@ fn scheduling_changes_no_distance() {
 }
 
 #[test]
+fn packets_change_no_distance_and_test_what_any_of_their_rays_needs() {
+    let scenes = [("scattered", scattered(2000, 10.0, 1.0)), ("terrain", terrain(700))].into_iter();
+    for (name, triangles) in scenes.chain(awkward(200)) {
+        // The last packet has few rays; behind those of a triangle each, one meets nothing.
+        let rays = awkward_rays(&triangles, 1_003);
+        for &layout in Layout::ALL.iter().filter(|layout| !layout.is_compressed()) {
+            let planted = plant(builder_of(layout), &triangles);
+            let alone = traversal(&planted.tree, Counting::Rays);
+            let (want, alone) = trace(alone, Counting::Rays, Wave::Primary, &planted, &rays);
+            for (counting, primary_subgroups) in [(Counting::Rays, 4), (Counting::Nothing, 1)] {
+                let params = Params { primary_packets: true, primary_subgroups, ..Params::default() };
+                let packets = Traversal::new(gpu(), &params, &planted.tree, counting).unwrap();
+                let (hits, counts) = trace(&packets, counting, Wave::Primary, &planted, &rays);
+                for (i, (hit, want)) in hits.iter().zip(&want).enumerate() {
+                    let what = format!("{name}, {layout:?}, ray {i}");
+                    assert!(agree(hit.t, want.t, &rays[i], 0.0), "{what}: {hit:?}, not {want:?}");
+                }
+                if counting == Counting::Rays {
+                    let nodes = |counts: &[Counts]| counts.iter().map(|c| u64::from(c.nodes)).sum::<u64>();
+                    assert!(nodes(&counts) >= nodes(&alone), "{name}: a packet's way is no shorter");
+                }
+            }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn packets_are_refused_where_there_are_none() {
+    let triangles = scattered(100, 10.0, 1.0);
+    let packets = Params { primary_packets: true, ..Params::default() };
+    let refusal = |layout, params: &Params| {
+        let planted = plant(builder_of(layout), &triangles);
+        Traversal::new(gpu(), params, &planted.tree, Counting::Nothing).unwrap_err()
+    };
+    assert!(matches!(refusal(Layout::Compressed8, &packets), Error::NoPackets));
+    let slang = Params { language: Language::Slang, ..packets.clone() };
+    if Language::Slang.missing().is_none() {
+        assert!(matches!(refusal(Layout::Binary, &slang), Error::NoPackets));
+    }
+    let deep = Params { stack: 4096, primary_subgroups: 16, ..packets };
+    assert!(matches!(refusal(Layout::Binary, &deep), Error::PacketStacks { packets: 16, entries: 4096, .. }));
+}
+
+#[test]
 fn languages_and_techniques_change_no_distance() {
     let triangles = scattered(2000, 10.0, 1.0);
     // Many workgroups of several subgroups, the last of which has few rays.

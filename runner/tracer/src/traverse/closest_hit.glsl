@@ -2,7 +2,7 @@
 // 4.1 and 4.4). One ray a lane. One source for every layout: `node.glsl` of a layout says how a node's
 // children are tested.
 //
-// Two schedules. In phases, for rays that stay together:
+// Three schedules. As packets, which packet.glsl describes, in phases, for rays that stay together:
 //
 //   until the queue is empty and no lane has a ray:
 //       when few lanes have a ray, idle lanes fetch new ones
@@ -51,6 +51,8 @@ layout(constant_id = 9) const uint HOIST = 0;
 // How rays are tested against triangles, which are stored for that test: `TriangleTest` in traverse/triangle.rs.
 layout(constant_id = 10) const uint TRIANGLE_TEST = 0;
 const uint WATERTIGHT = 0, MOELLER_TRUMBORE = 1, WOOP = 2;
+// Subgroups of a workgroup, where the lanes of each walk the tree together; else 0.
+layout(constant_id = 18) const uint PACKETS = 0;
 
 // Per ray: nodes visited, boxes tested, triangles tested, nothing.
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Counts {
@@ -108,6 +110,8 @@ const uint LEAF_BIT = 0x80000000u;
 // Iterations that count towards QUOTA for one node. Loops that are to be unrolled count too, and their last,
 // empty rounds: drivers that end loops count those they did not unroll.
 const uint NODE_STEPS = 1 + MEET_STEPS + ARITY;
+// Those that packet.glsl adds for a node.
+const uint PACKET_STEPS = 2 * ARITY + 1;
 
 bool is_inner(uint child) {
     return int(child) >= 0;
@@ -121,6 +125,10 @@ bool is_leaf(uint child) {
 // can be sure that nobody adds to it until the next. Whoever leaves has added one to each.
 shared uint leaving[2];
 const uint ALL = 1u << 16;  // more than there are
+
+// Of packets, a stack a subgroup: where to go on, and the least distance at which a ray enters there.
+const uint PACKET_ENTRIES = PACKETS > 0 ? STACK_SIZE * PACKETS : 1;
+shared uvec2 packet_stack[PACKET_ENTRIES];
 
 #define FINISHED (node == NONE && leaf == NONE)
 
@@ -150,7 +158,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     bool more = true;           // rays may be left in the queue
     const uint count = queue.count;
 
-    if (VOTE == 0) {
+    if (PACKETS != 0) {
+#include "traverse/packet.glsl"
+    } else if (VOTE == 0) {
         uint turn = 0;
         uint told = 0;
         if (BARRIER != 0) {

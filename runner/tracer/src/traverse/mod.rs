@@ -101,6 +101,9 @@ pub struct Params {
     pub primary_vote: f32,
     /// Schedule of secondary rays, which part sooner and gain from votes.
     pub secondary_vote: f32,
+    /// Whether the lanes of a subgroup walk the tree together for primary rays, in place of either schedule. In GLSL,
+    /// and not in the compressed layout.
+    pub primary_packets: bool,
     /// Entries of the traversal stack; made larger where a tree needs more.
     pub stack: u32,
     /// Whether the stages of a path are launched apart, or are one persistent kernel.
@@ -206,6 +209,7 @@ impl Default for Params {
             postpone_below: 0.25,
             primary_vote: 0.0,
             secondary_vote: 1.0,
+            primary_packets: false,
             stack: 64,
             kernels: Kernels::Separate,
             groups: groups::Params::default(),
@@ -425,11 +429,22 @@ pub(crate) fn constants(
     if barrier && (vote > 0 || tree.layout.is_compressed()) {
         return Err(Error::BarrierByVote);
     }
+    let packets = params.primary_packets && wave == Wave::Primary;
+    if packets && (tree.layout.is_compressed() || params.language == Language::Slang) {
+        return Err(Error::NoPackets);
+    }
+    let (entries, limit) = (stack, gpu.info().shared_memory_bytes);
+    let bytes = params.primary_subgroups.saturating_mul(8 * entries);
+    if packets && bytes > limit {
+        return Err(Error::PacketStacks { packets: params.primary_subgroups, entries, bytes, limit });
+    }
+    let packets = if packets { params.primary_subgroups } else { 0 };
     let [barrier, hoist] = [barrier, hoist].map(u32::from);
     let stride = tree.stride as u32;
     let (counting, test) = (counting as u32, tree.test as u32);
     let of_all = [stack, fetch_below, quota, counting, postpone, stride, vote, barrier, hoist, test];
-    let constants = of_all.into_iter().chain(params.groups.constants(params.order, lanes)).collect();
+    let constants =
+        of_all.into_iter().chain(params.groups.constants(params.order, lanes)).chain([packets]).collect();
     Ok((constants, stack / times))
 }
 
