@@ -280,8 +280,11 @@ impl Measuring<'_> {
             && !watch.interrupted()
             && ramp.rises(self.telemetry.moment().sm_clock_mhz, Instant::now())
         {
-            shots.sample(u32::MAX - 1 - warmed)?;
-            warmed += 1;
+            let asked = Instant::now();
+            while asked.elapsed() < Ramp::BETWEEN {
+                shots.sample(u32::MAX - 1 - warmed)?;
+                warmed += 1;
+            }
         }
         if view.samples.is_empty() {
             view.before = self.telemetry.sample();

@@ -2,8 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// How long the clock may stand still below its goal before it is taken to stay there: it is read once a sample, and
-/// drivers renew what they say some ten times a second.
+/// How long the clock may stand still below its goal before it is taken to stay there.
 const STILL: Duration = Duration::from_secs(1);
 /// How long it is waited for at most. An H100 that had been idle for two seconds took more than one to leave 345 MHz.
 const LONGEST: Duration = Duration::from_secs(6);
@@ -17,6 +16,10 @@ pub struct Ramp {
 }
 
 impl Ramp {
+    /// How long to keep the device busy from one look at its clock to the next. Asking takes so long that a device which
+    /// is asked after each of a few short launches is idle half of the time, and its clock stays where it is.
+    pub const BETWEEN: Duration = Duration::from_millis(100);
+
     /// Of a device that begins to work now. Without a clock that samples are held against there is nothing to wait for.
     pub fn new(clock: Option<&record::Clock>, now: Instant) -> Self {
         let goal = clock.map(|clock| clock.least_share * f64::from(clock.mhz));

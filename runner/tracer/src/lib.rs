@@ -51,7 +51,8 @@ pub enum Error {
     },
     /// Packets in a kernel that has none.
     #[error(
-        "rays are traced in packets in GLSL only, and not through the compressed layout: set trace.primary_packets=false"
+        "rays are traced in packets in GLSL, through Wide4, Wide6 and Wide8, and by subgroups of as many lanes: set \
+         trace.primary_packets=false"
     )]
     NoPackets,
     /// The stacks of a workgroup's packets are too large.

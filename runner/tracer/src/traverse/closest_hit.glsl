@@ -110,8 +110,6 @@ const uint LEAF_BIT = 0x80000000u;
 // Iterations that count towards QUOTA for one node. Loops that are to be unrolled count too, and their last,
 // empty rounds: drivers that end loops count those they did not unroll.
 const uint NODE_STEPS = 1 + MEET_STEPS + ARITY;
-// Those that packet.glsl adds for a node.
-const uint PACKET_STEPS = 2 * ARITY + 1;
 
 bool is_inner(uint child) {
     return int(child) >= 0;
@@ -126,9 +124,14 @@ bool is_leaf(uint child) {
 shared uint leaving[2];
 const uint ALL = 1u << 16;  // more than there are
 
-// Of packets, a stack a subgroup: where to go on, and the least distance at which a ray enters there.
+#if defined(LAYOUT_WIDE)
+#include "intervals.glsl"
+// Keys of a packet's children: at least as many as a node has.
+const uint KEYS = 8;
+// Of packets, a stack a subgroup: a node times ARITY plus the slot of a child, and the child's key.
 const uint PACKET_ENTRIES = PACKETS > 0 ? STACK_SIZE * PACKETS : 1;
 shared uvec2 packet_stack[PACKET_ENTRIES];
+#endif
 
 #define FINISHED (node == NONE && leaf == NONE)
 
@@ -158,9 +161,12 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     bool more = true;           // rays may be left in the queue
     const uint count = queue.count;
 
+#if defined(LAYOUT_WIDE)
     if (PACKETS != 0) {
 #include "traverse/packet.glsl"
-    } else if (VOTE == 0) {
+    } else
+#endif
+    if (VOTE == 0) {
         uint turn = 0;
         uint told = 0;
         if (BARRIER != 0) {

@@ -28,7 +28,6 @@ fn the_shaders_see_memory_as_the_host_does() {
             .assert_specialization(4, "COUNT")
             .assert_specialization(6, "STRIDE")
             .assert_specialization(10, "TRIANGLE_TEST")
-            .assert_specialization(18, "PACKETS")
             .assert_block("Queue", &fields!(Queue: next, count, finished, unused));
     }
 }

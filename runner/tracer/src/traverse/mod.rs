@@ -101,9 +101,11 @@ pub struct Params {
     pub primary_vote: f32,
     /// Schedule of secondary rays, which part sooner and gain from votes.
     pub secondary_vote: f32,
-    /// Whether the lanes of a subgroup walk the tree together for primary rays, in place of either schedule. In GLSL,
-    /// and not in the compressed layout.
+    /// Whether the lanes of a subgroup walk the tree together for primary rays, in place of either schedule. In GLSL
+    /// and wide layouts that are not quantized, of no more children than a subgroup has lanes.
     pub primary_packets: bool,
+    /// Temporary.
+    pub experiment: u32,
     /// Entries of the traversal stack; made larger where a tree needs more.
     pub stack: u32,
     /// Whether the stages of a path are launched apart, or are one persistent kernel.
@@ -210,6 +212,7 @@ impl Default for Params {
             primary_vote: 0.0,
             secondary_vote: 1.0,
             primary_packets: false,
+            experiment: 0,
             stack: 64,
             kernels: Kernels::Separate,
             groups: groups::Params::default(),
@@ -430,7 +433,9 @@ pub(crate) fn constants(
         return Err(Error::BarrierByVote);
     }
     let packets = params.primary_packets && wave == Wave::Primary;
-    if packets && (tree.layout.is_compressed() || params.language == Language::Slang) {
+    let wide = matches!(tree.layout, Layout::Wide4 | Layout::Wide6 | Layout::Wide8);
+    let lanes_are_enough = tree.layout.arity() as u32 <= lanes;
+    if packets && !(wide && lanes_are_enough && params.language == Language::Glsl) {
         return Err(Error::NoPackets);
     }
     let (entries, limit) = (stack, gpu.info().shared_memory_bytes);
@@ -443,8 +448,11 @@ pub(crate) fn constants(
     let stride = tree.stride as u32;
     let (counting, test) = (counting as u32, tree.test as u32);
     let of_all = [stack, fetch_below, quota, counting, postpone, stride, vote, barrier, hoist, test];
-    let constants =
-        of_all.into_iter().chain(params.groups.constants(params.order, lanes)).chain([packets]).collect();
+    let constants = of_all
+        .into_iter()
+        .chain(params.groups.constants(params.order, lanes))
+        .chain([packets, params.experiment])
+        .collect();
     Ok((constants, stack / times))
 }
 
