@@ -89,8 +89,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
         if (busy == 0) {
             break;
         }
+        // Of all lanes alike: where it ends `more` or the loop for some lanes only, votes no longer mean the subgroup.
+        steps += NODE_STEPS;
         if (group.y > IS_NODES) {
-            steps += NODE_STEPS;
 #include "traverse/groups/visit.glsl"
         } else {
             triangles = group;
