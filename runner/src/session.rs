@@ -288,7 +288,7 @@ impl TraceMemory {
     /// For a launch that counts nothing.
     pub fn buffers(&self) -> Buffers {
         let (rays, hits) = (self.rays.address(), self.hits.address());
-        Buffers { rays, hits, queue: self.queue.address(), counts: 0, visits: 0 }
+        Buffers { rays, hits, queue: self.queue.address(), counts: 0, visits: 0, utilization: 0 }
     }
 
     /// How far the rays have come.
