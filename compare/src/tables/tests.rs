@@ -123,6 +123,7 @@ fn replayed() -> Record {
                 nodes: 14_000 + 100 * bounce,
                 boxes: 112_000 + 800 * bounce,
                 triangles: 6_500 + 250 * bounce,
+                utilization: None,
             };
             let depths = (0..u64::from(bounces)).map(count).collect();
             view.counters = Some(Counters { depths });

@@ -20,7 +20,7 @@ use crate::{
     variant::Variant,
 };
 use kernels::Kernels;
-use record::{Adaptation, Build, Count, Counters, Exclusion, Measurement, Method, Point, Stop, Timestamp};
+use record::{Adaptation, Build, Counters, Exclusion, Measurement, Method, Point, Stop, Timestamp};
 use shots::Shots;
 use std::time::{Duration, Instant};
 use stop::Verdict;
@@ -195,12 +195,8 @@ impl Measuring<'_> {
                 }
                 if first && plan.counting {
                     let counts = tracer.count(&kernels.counting, &tree, &camera, 0)?;
-                    let depths = counts.iter().map(|c| Count {
-                        rays: c.rays,
-                        nodes: c.nodes,
-                        boxes: c.boxes,
-                        triangles: c.triangles,
-                    });
+                    let subgroup_size = self.session.gpu.info().subgroup_size;
+                    let depths = counts.iter().map(|c| describe::count(c, subgroup_size));
                     own.counters = Some(Counters { depths: depths.collect() });
                     watch.sample();
                 }
