@@ -6,6 +6,7 @@ use tracer::{
     builder::BuildReport,
     gpu::{DeviceInfo, DeviceKind},
     measure::tree::TreeStats,
+    path::WaveCounts,
     scene::{Origin, Scene},
 };
 
@@ -44,6 +45,26 @@ pub fn tree(stats: &TreeStats) -> record::Tree {
         average_triangles_per_leaf: stats.triangles_per_leaf,
         depth: stats.depth,
         sah_cost: stats.sah_cost,
+    }
+}
+
+/// What the rays of a wavefront met, and how well subgroups of a size were used.
+pub fn count(counts: &WaveCounts, subgroup_size: u32) -> record::Count {
+    let own = &counts.utilization;
+    record::Count {
+        rays: counts.rays,
+        nodes: counts.nodes,
+        boxes: counts.boxes,
+        triangles: counts.triangles,
+        utilization: Some(record::Utilization {
+            subgroup_size,
+            node_steps: own.node_steps,
+            node_lanes: own.node_lanes,
+            triangle_steps: own.triangle_steps,
+            triangle_lanes: own.triangle_lanes,
+            fetches: own.fetches,
+            fetch_lanes: own.fetch_lanes,
+        }),
     }
 }
 

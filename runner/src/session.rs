@@ -47,6 +47,19 @@ pub struct Loaded {
     pub device: DeviceScene,
     /// The binary tree that the CPU last made of it, and what it took.
     split: RefCell<Option<Rc<Split>>>,
+    /// The rays of views that were collected last; the one used last comes last.
+    wavefronts: RefCell<Vec<(Seen, Rc<Vec<TraceMemory>>)>>,
+}
+
+/// What the rays of a view depend on: its name, the picture's size, and what a path is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seen {
+    /// The view's name.
+    pub view: String,
+    /// Width and height.
+    pub size: (u32, u32),
+    /// Depth and seed among them.
+    pub path: tracer::path::Params,
 }
 
 /// A binary tree with spatial splits.
@@ -59,6 +72,36 @@ pub struct Split {
 }
 
 impl Loaded {
+    /// The rays of each bounce that are seen so, or what collects them where they are not there. All variants are
+    /// measured with the same ones, those that the first of them met. Kept are as many as an eighth of the device's
+    /// memory holds.
+    ///
+    /// # Errors
+    /// Collecting failed.
+    pub fn wavefronts(
+        &self,
+        gpu: &Gpu,
+        seen: &Seen,
+        collect: impl FnOnce() -> anyhow::Result<Vec<TraceMemory>>,
+    ) -> anyhow::Result<Rc<Vec<TraceMemory>>> {
+        let place = self.wavefronts.borrow().iter().position(|(its, _)| its == seen);
+        let found = match place {
+            Some(place) => self.wavefronts.borrow_mut().remove(place),
+            None => (seen.clone(), Rc::new(collect()?)),
+        };
+        let waves = found.1.clone();
+        self.wavefronts.borrow_mut().push(found);
+        while self.wavefronts.borrow().len() > 1 && self.wavefront_bytes() > gpu.info().memory_bytes / 8 {
+            self.wavefronts.borrow_mut().remove(0);
+        }
+        Ok(waves)
+    }
+
+    /// Bytes of device memory that the rays take which are kept.
+    pub fn wavefront_bytes(&self) -> u64 {
+        self.wavefronts.borrow().iter().flat_map(|(_, waves)| waves.iter()).map(TraceMemory::bytes).sum()
+    }
+
     /// The binary tree with spatial splits: the last one, or from disk, or built now.
     pub fn split(&self, params: &SbvhParams, quiet: bool) -> Rc<Split> {
         if let Some(split) = self.split.borrow().as_ref().filter(|split| split.params == *params) {
@@ -285,10 +328,14 @@ impl TraceMemory {
         self.count
     }
 
+    fn bytes(&self) -> u64 {
+        ((size_of::<Ray>() + size_of::<Hit>()) * self.count) as u64
+    }
+
     /// For a launch that counts nothing.
     pub fn buffers(&self) -> Buffers {
         let (rays, hits) = (self.rays.address(), self.hits.address());
-        Buffers { rays, hits, queue: self.queue.address(), counts: 0, visits: 0 }
+        Buffers { rays, hits, queue: self.queue.address(), counts: 0, visits: 0, utilization: 0 }
     }
 
     /// How far the rays have come.
@@ -347,7 +394,7 @@ impl Session {
         }
         let device =
             DeviceScene::upload(&self.gpu, &scene).with_context(|| format!("scene {}", scene.name))?;
-        Ok(Loaded { scene, device, split: RefCell::default() })
+        Ok(Loaded { scene, device, split: RefCell::default(), wavefronts: RefCell::default() })
     }
 
     /// Makes a variant's first build `repetitions` times in the same memory and keeps the last; `each` sees

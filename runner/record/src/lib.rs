@@ -42,7 +42,7 @@ pub use kernel::{Kernel, OccupancyLimit};
 pub use parameters::{Parameters, Value};
 pub use point::{
     Adaptation, Build, Count, Counters, Exclusion, Launch, Measurement, OF_SCENE, Phase, Point, Repetition,
-    Sample, Scene, Source, Stop, Tree, View,
+    Sample, Scene, Source, Stop, Tree, Utilization, View,
 };
 pub use stability::{
     Hold, Inhibition, Policy, REPORT_VARIABLE, Report, Restoration, Stabilized, State, TOLERANCE,

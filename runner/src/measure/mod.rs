@@ -22,7 +22,7 @@ use crate::{
 };
 use kernels::Kernels;
 use ramp::Ramp;
-use record::{Adaptation, Build, Count, Counters, Exclusion, Measurement, Method, Point, Stop, Timestamp};
+use record::{Adaptation, Build, Counters, Exclusion, Measurement, Method, Point, Stop, Timestamp};
 use shots::Shots;
 use std::time::{Duration, Instant};
 use stop::Verdict;
@@ -168,7 +168,8 @@ impl Measuring<'_> {
                     kernels = Some(Kernels::new(self.session, &tree, self.variant, self.params)?);
                 }
                 let kernels = kernels.as_ref().expect("compiled above");
-                let shots = Shots::new(plan.method, self.session, &tracer, kernels, &tree, &camera)?;
+                let shots =
+                    Shots::new(plan, (self.session, self.loaded), &tracer, kernels, &tree, (view, &camera))?;
                 // Compiling the kernels has left it idle, and so has collecting rays.
                 let (begun, least) = match plan.method {
                     _ if !compiled => (Instant::now(), plan.busy_before_point),
@@ -197,12 +198,8 @@ impl Measuring<'_> {
                 }
                 if first && plan.counting {
                     let counts = tracer.count(&kernels.counting, &tree, &camera, 0)?;
-                    let depths = counts.iter().map(|c| Count {
-                        rays: c.rays,
-                        nodes: c.nodes,
-                        boxes: c.boxes,
-                        triangles: c.triangles,
-                    });
+                    let subgroup_size = self.session.gpu.info().subgroup_size;
+                    let depths = counts.iter().map(|c| describe::count(c, subgroup_size));
                     own.counters = Some(Counters { depths: depths.collect() });
                     watch.sample();
                 }

@@ -1,10 +1,12 @@
 //! What a sample is: whole paths of its own, or the rays of every bounce launched once more.
 
-use super::kernels::Kernels;
-use crate::session::{Session, TraceMemory};
+use super::{Plan, kernels::Kernels};
+use crate::session::{Loaded, Seen, Session, TraceMemory};
 use record::{Launch, Method};
+use std::rc::Rc;
 use tracer::{
     path::{Camera, PathTracer},
+    scene::View,
     traverse::{Tree, Wave},
 };
 
@@ -16,42 +18,42 @@ pub struct Shots<'a> {
     tree: &'a Tree,
     camera: &'a Camera,
     /// Of the method that replays them, the rays of each bounce.
-    bounces: Option<Vec<TraceMemory>>,
+    bounces: Option<Rc<Vec<TraceMemory>>>,
 }
 
 impl<'a> Shots<'a> {
-    /// Of a view that is seen through a tree. The rays that are to be launched again and again are collected here:
-    /// those of the first sample's paths, in the order of their pixels, so that they are the same from run to run.
+    /// Of a view that is seen through a tree. The rays that are to be launched again and again are collected here where
+    /// no variant before has met them: those of the first sample's paths, in the order of their pixels.
     ///
     /// # Errors
     /// Too little memory, or the device failed.
     pub fn new(
-        method: Method,
-        session: &'a Session,
+        plan: &Plan,
+        (session, loaded): (&'a Session, &Loaded),
         tracer: &'a PathTracer<'a>,
         kernels: &'a Kernels,
         tree: &'a Tree,
-        camera: &'a Camera,
+        (view, camera): (&View, &'a Camera),
     ) -> anyhow::Result<Self> {
-        let bounces = match method {
+        let bounces = match plan.method {
             Method::Paths => None,
             Method::Replay => {
-                let mut bounces = Vec::new();
-                let mut failed = None;
-                // A traversal that counts meets the same rays, and is there whichever kernels are timed.
-                tracer.wavefronts(&kernels.counting, tree, camera, 0, |wave| {
-                    if !wave.rays.is_empty() {
-                        match TraceMemory::new(&session.gpu, &wave.rays) {
-                            Ok(memory) => bounces.push(memory),
-                            Err(error) => failed = Some(error),
+                let seen = Seen { view: view.name.clone(), size: plan.size, path: plan.path.clone() };
+                Some(loaded.wavefronts(&session.gpu, &seen, || {
+                    let mut bounces = Vec::new();
+                    let mut failed = None;
+                    // A traversal that counts meets the same rays, and is there whichever kernels are timed.
+                    tracer.wavefronts(&kernels.counting, tree, camera, 0, |wave| {
+                        if !wave.rays.is_empty() {
+                            match TraceMemory::new(&session.gpu, &wave.rays) {
+                                Ok(memory) => bounces.push(memory),
+                                Err(error) => failed = Some(error),
+                            }
                         }
-                    }
-                    failed.is_none()
-                })?;
-                if let Some(error) = failed {
-                    return Err(error);
-                }
-                Some(bounces)
+                        failed.is_none()
+                    })?;
+                    failed.map_or(Ok(bounces), Err)
+                })?)
             }
         };
         Ok(Self { session, tracer, kernels, tree, camera, bounces })

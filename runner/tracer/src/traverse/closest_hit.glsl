@@ -34,7 +34,7 @@ layout(constant_id = 1) const uint STACK_SIZE = 64;
 layout(constant_id = 2) const uint FETCH_BELOW = 20;
 // Loop iterations after which a subgroup leaves, 0 for none: some drivers end loops silently.
 layout(constant_id = 3) const uint QUOTA = 0;
-// What is counted: NOTHING, what each ray costs, or how often each node is visited.
+// What is counted: NOTHING, what rays cost and how well subgroups are used, or how often each node is visited.
 layout(constant_id = 4) const uint COUNT = 0;
 const uint RAYS = 1, VISITS = 2;
 // Lanes that, when no more than these still test triangles, keep theirs postponed while others go on.
@@ -58,6 +58,11 @@ layout(constant_id = 18) const uint PACKETS = 0;
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Counts {
     uvec4 items[];
 };
+// Sums over subgroups, `Utilization` in traverse/mod.rs: each is a number of 64 bits as two words, the lower first,
+// because not every device adds 64 bits atomically.
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Utilization {
+    uvec2 items[];
+};
 // Per node, how many rays have visited it.
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Visits {
     uint items[];
@@ -75,6 +80,7 @@ struct Tree {
     Indices indices;
     Counts counts;
     Visits visits;
+    Utilization utilization;
     float extent;
 };
 
@@ -88,6 +94,31 @@ Shear aim(vec3 direction) {
 
 uint lanes(bool which) {
     return subgroupBallotBitCount(subgroupBallot(which));
+}
+
+// What a subgroup counts of a kind of step: such steps, and lanes that took part in them. A step without lanes is none.
+uvec2 step_of(uint lanes_in_it) {
+    return uvec2(min(lanes_in_it, 1), lanes_in_it);
+}
+
+void add(Utilization sums, uint at, uint counted) {
+    uint low = atomicAdd(sums.items[at].x, counted);
+    if (low + counted < low) {
+        atomicAdd(sums.items[at].y, 1);
+    }
+}
+
+// A subgroup adds what it has counted to what others have, also in earlier launches over the same queue. Its own share
+// fits 32 bits: few subgroups trace many rays only where each leaves after its QUOTA.
+void add_up(Utilization sums, uvec2 node_steps, uvec2 triangle_steps, uvec2 fetches) {
+    if (subgroupElect()) {
+        add(sums, 0, node_steps.x);
+        add(sums, 1, node_steps.y);
+        add(sums, 2, triangle_steps.x);
+        add(sums, 3, triangle_steps.y);
+        add(sums, 4, fetches.x);
+        add(sums, 5, fetches.y);
+    }
 }
 
 #if defined(LAYOUT_COMPRESSED)
@@ -156,6 +187,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     uint nodes_visited = 0;
     uint boxes_tested = 0;
     uint triangles_tested = 0;
+    uvec2 node_steps = uvec2(0);  // these three of the subgroup: steps, and lanes in them
+    uvec2 triangle_steps = uvec2(0);
+    uvec2 fetches = uvec2(0);
     uint finished = 0;
     uint steps = 0;             // loop iterations, for drivers that count them
     bool more = true;           // rays may be left in the queue
@@ -188,6 +222,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
             // Inner nodes, until every lane with a ray has a leaf or has nothing left.
             while (subgroupAny(is_inner(node) && leaf == NONE)) {
                 steps += NODE_STEPS;
+                if (COUNT == RAYS) {
+                    node_steps += step_of(lanes(is_inner(node)));
+                }
                 if (is_inner(node)) {
 #include "traverse/visit_node.glsl"
                 }
@@ -215,6 +252,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
                     break;
                 }
                 steps++;
+                if (COUNT == RAYS) {
+                    triangle_steps += step_of(testing);
+                }
                 bool uncertain = false;
                 if (leaf != NONE) {
 #include "traverse/test_triangle.glsl"
@@ -244,12 +284,20 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
                 continue;
             }
             bool inner = is_inner(node);
-            if (lanes(inner) * 32 >= lanes(leaf != NONE) * VOTE) {
+            uint visiting = lanes(inner);
+            uint testing = lanes(leaf != NONE);
+            if (visiting * 32 >= testing * VOTE) {
                 steps += NODE_STEPS;
+                if (COUNT == RAYS) {
+                    node_steps += step_of(visiting);
+                }
                 if (inner) {
 #include "traverse/visit_node.glsl"
                 }
             } else {
+                if (COUNT == RAYS) {
+                    triangle_steps += step_of(testing);
+                }
                 bool uncertain = false;
                 if (leaf != NONE) {
 #include "traverse/test_triangle.glsl"
@@ -263,6 +311,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
 #include "traverse/finish.glsl"
     }
 
+    if (COUNT == RAYS) {
+        add_up(tree.utilization, node_steps, triangle_steps, fetches);
+    }
     finished = subgroupAdd(finished);
     if (subgroupElect()) {
         atomicAdd(queue.finished, finished);

@@ -75,8 +75,29 @@ pub struct Counts {
     pub unused: u32,
 }
 
+/// How well the subgroups that traced a wavefront were used: what they executed, and in how many lanes each time. Over
+/// the size of a subgroup, lanes of a step are the SIMD utilization of Ylitie et al. 2017 (tables 7 and 10).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Utilization {
+    /// Steps in which lanes visited a node.
+    pub node_steps: u64,
+    /// Lanes that did, over all these steps.
+    pub node_lanes: u64,
+    /// Steps in which lanes tested a triangle.
+    pub triangle_steps: u64,
+    /// Lanes that did.
+    pub triangle_lanes: u64,
+    /// Steps in which lanes fetched a ray and made it ready; those that found the queue empty are none.
+    pub fetches: u64,
+    /// Lanes that did.
+    pub fetch_lanes: u64,
+}
+
 const _: () = assert!(size_of::<Ray>() == 32 && std::mem::offset_of!(Ray, direction) == 16);
 const _: () = assert!(size_of::<Hit>() == 8 && size_of::<Queue>() == 16 && size_of::<Counts>() == 16);
+// Kernels have 64 bits as two words.
+const _: () = assert!(size_of::<Utilization>() == 6 * 8 && cfg!(target_endian = "little"));
 
 /// How traversal is launched and scheduled.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -274,6 +295,8 @@ pub struct Buffers {
     pub counts: u64,
     /// A u32 for each node; not touched unless the kernels count visits.
     pub visits: u64,
+    /// One [`Utilization`], which is added to; not touched unless the kernels count what rays cost.
+    pub utilization: u64,
 }
 
 #[repr(C)]
@@ -287,6 +310,7 @@ struct Arguments {
     queue: u64,
     counts: u64,
     visits: u64,
+    utilization: u64,
     extent: f32,
     unused: u32,
 }
@@ -297,7 +321,7 @@ pub enum Counting {
     /// Nothing: the fastest, and the one to be timed.
     #[default]
     Nothing,
-    /// What each ray costs: [`Counts`].
+    /// What each ray costs, and how well subgroups are used: [`Counts`] and [`Utilization`].
     Rays,
     /// How often rays visit each node.
     Visits,
@@ -385,6 +409,7 @@ impl Traversal {
             queue: buffers.queue,
             counts: buffers.counts,
             visits: buffers.visits,
+            utilization: buffers.utilization,
             extent: tree.extent,
             unused: 0,
         };

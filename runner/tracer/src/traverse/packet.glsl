@@ -47,6 +47,7 @@ while (more) {
         if (at != NONE) {
             if (COUNT == RAYS) {
                 nodes_visited += meets ? 1 : 0;
+                node_steps += step_of(lanes(meets));
             }
             if (COUNT == VISITS) {
                 if (meets) {
@@ -106,6 +107,9 @@ while (more) {
         uint last = (child & 0x7FFFFFFu) + (child >> 27 & 15);
         for (uint index = child & 0x7FFFFFFu; index <= last; index++) {
             steps++;
+            if (COUNT == RAYS) {
+                triangle_steps += step_of(lanes(meets));
+            }
             bool uncertain = false;
             if (meets) {
 #include "traverse/meet_triangle.glsl"
