@@ -221,6 +221,7 @@ impl Params {
             ("trace.postpone_below", f64::from(self.trace.postpone_below), 0.0..=1.0),
             ("trace.primary_vote", f64::from(self.trace.primary_vote), 0.0..=32.0),
             ("trace.secondary_vote", f64::from(self.trace.secondary_vote), 0.0..=32.0),
+            ("trace.primary_packets", f64::from(self.trace.primary_packets), 0.0..=4.0),
             ("trace.stack", f64::from(self.trace.stack), 1.0..=4096.0),
             ("sbvh.alpha", f64::from(self.sbvh.alpha), 0.0..=1e6),
             ("sbvh.object_bins", f64::from(self.sbvh.object_bins), 2.0..=256.0),

@@ -277,11 +277,7 @@ impl Measuring<'_> {
             && !watch.interrupted()
             && ramp.rises(self.telemetry.moment().sm_clock_mhz, Instant::now())
         {
-            let asked = Instant::now();
-            while asked.elapsed() < Ramp::BETWEEN {
-                shots.sample(u32::MAX - 1 - warmed)?;
-                warmed += 1;
-            }
+            shots.work(Ramp::BETWEEN)?;
         }
         if view.samples.is_empty() {
             view.before = self.telemetry.sample();

@@ -1,13 +1,17 @@
 //! What a sample is: whole paths of its own, or the rays of every bounce launched once more.
 
 use super::{Plan, kernels::Kernels};
-use crate::session::{Loaded, Seen, Session, TraceMemory};
+use crate::session::{Bounces, Loaded, Seen, Session, TraceMemory};
 use record::{Launch, Method};
-use std::rc::Rc;
+use std::{
+    rc::Rc,
+    time::{Duration, Instant},
+};
 use tracer::{
+    gpu::Pass,
     path::{Camera, PathTracer},
     scene::View,
-    traverse::{Tree, Wave},
+    traverse::{Queue, Traversal, Tree, Wave},
 };
 
 /// The samples of one view.
@@ -18,7 +22,7 @@ pub struct Shots<'a> {
     tree: &'a Tree,
     camera: &'a Camera,
     /// Of the method that replays them, the rays of each bounce.
-    bounces: Option<Rc<Vec<TraceMemory>>>,
+    bounces: Option<Rc<Bounces>>,
 }
 
 impl<'a> Shots<'a> {
@@ -70,16 +74,56 @@ impl<'a> Shots<'a> {
                 let waves = measured.waves.iter();
                 Ok(waves.map(|wave| Launch { rays: wave.rays, milliseconds: wave.milliseconds }).collect())
             }
-            // Bounce after bounce in every sample, so that a slow change of the device meets all of them alike.
+            // Bounce after bounce in every sample, so that a slow change of the device meets all of them alike, and in one
+            // submission, so that it stays busy: with one each, an H100 idled for longer than it traced and took to
+            // half of its clock.
             Some(bounces) => {
                 let traversal = self.kernels.separate()?;
-                let launch = |(bounce, rays): (usize, &TraceMemory)| {
-                    let wave = Wave::at(bounce);
-                    let milliseconds = rays.launch(&self.session.gpu, traversal, self.tree, wave)?;
-                    Ok(Launch { rays: rays.count() as u64, milliseconds })
+                let mut pass = Pass::new(&self.session.gpu)?;
+                self.record_round(&mut pass, bounces, traversal);
+                for (bounce, wave) in bounces.waves.iter().enumerate() {
+                    wave.record_queue(&mut pass, &bounces.queues, bounce);
+                }
+                let timings = pass.submit()?;
+                let queues: Vec<Queue> = bounces.queues.read(0, bounces.waves.len())?;
+                let launch = |(bounce, wave): (usize, &TraceMemory)| {
+                    traversal.check(bounce, &queues[bounce])?;
+                    let milliseconds = timings.milliseconds(&bounce.to_string());
+                    Ok(Launch { rays: wave.count() as u64, milliseconds })
                 };
-                bounces.iter().enumerate().map(launch).collect()
+                bounces.waves.iter().enumerate().map(launch).collect()
             }
+        }
+    }
+
+    /// Keeps the device busy for about so long, by samples that nobody looks at.
+    ///
+    /// # Errors
+    /// The device failed.
+    pub fn work(&self, time: Duration) -> anyhow::Result<()> {
+        let started = Instant::now();
+        let mut rounds = 1;
+        while started.elapsed() < time {
+            match &self.bounces {
+                None => drop(self.sample(u32::MAX - 1)?),
+                Some(bounces) => {
+                    let traversal = self.kernels.separate()?;
+                    let mut pass = Pass::new(&self.session.gpu)?;
+                    pass.time_dispatches(false);
+                    for _ in 0..rounds {
+                        self.record_round(&mut pass, bounces, traversal);
+                    }
+                    pass.submit()?;
+                    rounds = (2 * rounds).min(64);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn record_round(&self, pass: &mut Pass, bounces: &Bounces, traversal: &Traversal) {
+        for (bounce, wave) in bounces.waves.iter().enumerate() {
+            wave.record(pass, &bounce.to_string(), traversal, self.tree, Wave::at(bounce));
         }
     }
 }

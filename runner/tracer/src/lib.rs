@@ -52,7 +52,7 @@ pub enum Error {
     /// Packets in a kernel that has none.
     #[error(
         "rays are traced in packets in GLSL, through Wide4, Wide6 and Wide8, and by subgroups of as many lanes: set \
-         trace.primary_packets=false"
+         trace.primary_packets=0"
     )]
     NoPackets,
     /// The stacks of a workgroup's packets are too large.

@@ -53,6 +53,8 @@ layout(constant_id = 10) const uint TRIANGLE_TEST = 0;
 const uint WATERTIGHT = 0, MOELLER_TRUMBORE = 1, WOOP = 2;
 // Subgroups of a workgroup, where the lanes of each walk the tree together; else 0.
 layout(constant_id = 18) const uint PACKETS = 0;
+// Rays a lane, there.
+layout(constant_id = 20) const uint PACKET_RAYS = 1;
 
 // Per ray: nodes visited, boxes tested, triangles tested, nothing.
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Counts {

@@ -122,9 +122,10 @@ pub struct Params {
     pub primary_vote: f32,
     /// Schedule of secondary rays, which part sooner and gain from votes.
     pub secondary_vote: f32,
-    /// Whether the lanes of a subgroup walk the tree together for primary rays, in place of either schedule. In GLSL
-    /// and wide layouts that are not quantized, of no more children than a subgroup has lanes.
-    pub primary_packets: bool,
+    /// How many primary rays a lane takes where the lanes of a subgroup walk the tree together, in place of either
+    /// schedule; 0 where they do not. In GLSL and wide layouts that are not quantized, of no more children than a
+    /// subgroup has lanes.
+    pub primary_packets: u32,
     /// Temporary.
     pub experiment: u32,
     /// Entries of the traversal stack; made larger where a tree needs more.
@@ -232,7 +233,7 @@ impl Default for Params {
             postpone_below: 0.25,
             primary_vote: 0.0,
             secondary_vote: 1.0,
-            primary_packets: false,
+            primary_packets: 0,
             experiment: 0,
             stack: 64,
             kernels: Kernels::Separate,
@@ -457,7 +458,7 @@ pub(crate) fn constants(
     if barrier && (vote > 0 || tree.layout.is_compressed()) {
         return Err(Error::BarrierByVote);
     }
-    let packets = params.primary_packets && wave == Wave::Primary;
+    let packets = params.primary_packets > 0 && wave == Wave::Primary;
     let wide = matches!(tree.layout, Layout::Wide4 | Layout::Wide6 | Layout::Wide8);
     let lanes_are_enough = tree.layout.arity() as u32 <= lanes;
     if packets && !(wide && lanes_are_enough && params.language == Language::Glsl) {
@@ -476,7 +477,7 @@ pub(crate) fn constants(
     let constants = of_all
         .into_iter()
         .chain(params.groups.constants(params.order, lanes))
-        .chain([packets, params.experiment])
+        .chain([packets, params.experiment, params.primary_packets.max(1)])
         .collect();
     Ok((constants, stack / times))
 }
