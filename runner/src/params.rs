@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use tracer::{
     builder::BuildParams,
-    contract::{ContractParams, Contraction, Form},
+    contract::{ContractParams, Contraction, Form, Numbering},
     layout::{Layout, LayoutParams},
     traverse::{Language, Technique},
 };
@@ -77,6 +77,8 @@ pub struct Contract {
     pub alpha: f32,
     /// `auto`, `handover` or `levels`.
     pub form: Form,
+    /// `creation` or `depth-first`.
+    pub numbering: Numbering,
     /// c_node of `optimal`.
     #[serde(rename = "c_node")]
     pub c_node: f32,
@@ -90,8 +92,9 @@ pub struct Contract {
 
 impl Default for Contract {
     fn default() -> Self {
-        let ContractParams { method, alpha, form, c_node, c_prim, p_max } = ContractParams::default();
-        Self { by_area: method, by_view: Contraction::Cbtc, alpha, form, c_node, c_prim, p_max }
+        let ContractParams { method, alpha, form, numbering, c_node, c_prim, p_max } =
+            ContractParams::default();
+        Self { by_area: method, by_view: Contraction::Cbtc, alpha, form, numbering, c_node, c_prim, p_max }
     }
 }
 
@@ -109,6 +112,7 @@ impl Params {
         if variant.layout.is_compressed() {
             // Ylitie et al. 2017, 3.4; where another method is chosen, leaves are no larger.
             params.contract.by_area = Contraction::Optimal;
+            params.contract.numbering = Numbering::DepthFirst;
             params.collapse.max_leaf = variant.layout.limits().triangles_per_leaf as u32;
         }
         params
@@ -126,14 +130,14 @@ impl Params {
 
     /// What the builder takes for a variant; where that goes by view, this is the last step's.
     pub fn build(&self, variant: Variant) -> BuildParams {
-        let Contract { by_area, by_view, alpha, form, c_node, c_prim, p_max } = self.contract;
+        let Contract { by_area, by_view, alpha, form, numbering, c_node, c_prim, p_max } = self.contract;
         let method = if variant.by_view { by_view } else { by_area };
         BuildParams {
             method: self.build.method,
             morton: self.morton.clone(),
             ploc: self.ploc.clone(),
             collapse: self.collapse.clone(),
-            contract: ContractParams { method, alpha, form, c_node, c_prim, p_max },
+            contract: ContractParams { method, alpha, form, numbering, c_node, c_prim, p_max },
             layout: LayoutParams { assignment: self.order.assignment, ..self.layout.clone() },
             triangle: self.triangle.clone(),
         }
