@@ -570,6 +570,8 @@ fn schedules_and_orders_of_groups_change_no_distance() {
             (groups::Params { n_w: 0, n_d: 0, shared_stack: 0, ..lost }, 1),
             (groups::Params { n_w: 64, r_t: 1.0, shared_stack: 16, ..lost }, 4),
             (groups::Params { n_t: 0, shared_stack: 1, ..inactive }, 2),
+            (groups::Params { share_triangles: true, ..lost }, 4),
+            (groups::Params { share_triangles: true, shared_stack: 2, ..inactive }, 1),
             (groups::Params { n_t: 32, r_t: 0.5, shared_stack: 2, ..inactive }, 3),
         ] {
             let params = Params {

@@ -126,8 +126,6 @@ pub struct Params {
     /// schedule; 0 where they do not. In GLSL and wide layouts that are not quantized, of no more children than a
     /// subgroup has lanes.
     pub primary_packets: u32,
-    /// Temporary.
-    pub experiment: u32,
     /// Entries of the traversal stack; made larger where a tree needs more.
     pub stack: u32,
     /// Whether the stages of a path are launched apart, or are one persistent kernel.
@@ -203,7 +201,8 @@ impl Params {
 
     /// Fails where workgroups of a size cannot have the stack's shared entries.
     fn check_shared_memory(&self, gpu: &Gpu, layout: Layout, size: u32) -> Result<(), Error> {
-        let bytes = size.saturating_mul(8 * self.groups.shared_stack.max(1));
+        let sharing = if self.groups.share_triangles { 8 + 512 / gpu.info().subgroup_size } else { 0 };
+        let bytes = size.saturating_mul(8 * self.groups.shared_stack.max(1) + sharing);
         let limit = gpu.info().shared_memory_bytes;
         if layout.is_compressed() && bytes > limit {
             return Err(Error::SharedStack { size, entries: self.groups.shared_stack, bytes, limit });
@@ -234,7 +233,6 @@ impl Default for Params {
             primary_vote: 0.0,
             secondary_vote: 1.0,
             primary_packets: 0,
-            experiment: 0,
             stack: 64,
             kernels: Kernels::Separate,
             groups: groups::Params::default(),
@@ -447,9 +445,9 @@ pub(crate) fn constants(
     let stack = params.stack.max((times * tree.stack).next_multiple_of(32));
     let postpone = ((params.postpone_below * lanes as f32).round() as u32).min(lanes);
     let quota = if gpu.info().ends_long_loops() { QUOTA } else { 0 };
-    let (fetch_below, vote) = match wave {
-        Wave::Primary => (params.primary_fetch_below, params.primary_vote),
-        Wave::Secondary => (params.secondary_fetch_below, params.secondary_vote),
+    let (fetch_below, vote, subgroups) = match wave {
+        Wave::Primary => (params.primary_fetch_below, params.primary_vote, params.primary_subgroups),
+        Wave::Secondary => (params.secondary_fetch_below, params.secondary_vote, params.secondary_subgroups),
     };
     let fetch_below = ((fetch_below * lanes as f32).round() as u32).clamp(1, lanes);
     // Any vote above zero is one.
@@ -470,6 +468,7 @@ pub(crate) fn constants(
         return Err(Error::PacketStacks { packets: params.primary_subgroups, entries, bytes, limit });
     }
     let packets = if packets { params.primary_subgroups } else { 0 };
+    let sharing = if params.groups.share_triangles { subgroups } else { 0 };
     let [barrier, hoist] = [barrier, hoist].map(u32::from);
     let stride = tree.stride as u32;
     let (counting, test) = (counting as u32, tree.test as u32);
@@ -477,7 +476,7 @@ pub(crate) fn constants(
     let constants = of_all
         .into_iter()
         .chain(params.groups.constants(params.order, lanes))
-        .chain([packets, params.experiment, params.primary_packets.max(1)])
+        .chain([packets, params.primary_packets.max(1), sharing])
         .collect();
     Ok((constants, stack / times))
 }
