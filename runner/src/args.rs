@@ -228,7 +228,8 @@ pub struct Run {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub samples: Option<u32>,
     /// Samples traced before them from each view and thrown away; on a GPU at least 0.15 seconds' worth (0.4
-    /// before the first view) and 0.4 seconds of builds before those that count, unless it is 0
+    /// before the first view), more for as long as its clock still rises, and 0.4 seconds of builds before those that
+    /// count, unless it is 0
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub warm_up: u32,
     /// Measured builds of each tree, after the warm-up; 10 on a GPU and 3 on a CPU driver when left out
