@@ -41,7 +41,7 @@ fn main() -> ExitCode {
         Command::Render(render) => commands::render(&cli.global, render),
         Command::Rays(rays) => commands::rays(&cli.global, rays),
         Command::Trace(trace) => commands::trace(&cli.global, trace),
-        Command::Variants { json, tuning } => commands::variants(tuning, *json),
+        Command::Variants { json, tuning } => commands::variants(&cli.global, tuning, *json),
         Command::Validate(validate) => validate::validate(&cli.global, validate),
         Command::Resources { variant, tuning, json } => {
             resources::resources(&cli.global, variant, tuning, *json)
@@ -55,7 +55,10 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("runner: {error:#}");
-            ExitCode::FAILURE
+            let unavailable = |cause: &(dyn std::error::Error + 'static)| {
+                matches!(cause.downcast_ref(), Some(tracer::Error::NoRayTracing { .. }))
+            };
+            if error.chain().any(unavailable) { ExitCode::from(args::UNAVAILABLE) } else { ExitCode::FAILURE }
         }
     }
 }

@@ -13,7 +13,7 @@ fn scenes() -> Record {
     for (scene, factor) in [("hall_1", 1.0), ("50% & more", 2.0)] {
         record.results.push(point(scene, "Binary", 1000.0 * factor, 200.0 * factor));
         let mut wide = point(scene, "Wide4", 900.0 * factor, 250.0 * factor);
-        wide.tree.average_children = 3.1;
+        wide.tree.average_children = Some(3.1);
         wide.views[0].counters = None;
         record.results.push(wide);
         let mut own = point(scene, "Wide4 CBTC", 950.0 * factor, 260.0 * factor);
@@ -130,11 +130,12 @@ fn replayed() -> Record {
         };
         let with_tree = |mut one: Point, nodes: u64, bytes: u64, children: f64, triangles: f64| {
             one.scene.triangles = 100_000;
-            one.tree.nodes = nodes;
-            one.tree.node_bytes = nodes * bytes;
-            (one.tree.average_children, one.tree.average_triangles_per_leaf) = (children, triangles);
-            one.tree.leaves = (124_000.0 / triangles) as u64;
-            one.tree.triangle_bytes = 124_000 * 48;
+            one.tree.nodes = Some(nodes);
+            one.tree.node_bytes = Some(nodes * bytes);
+            (one.tree.average_children, one.tree.average_triangles_per_leaf) =
+                (Some(children), Some(triangles));
+            one.tree.leaves = Some((124_000.0 / triangles) as u64);
+            one.tree.triangle_bytes = Some(124_000 * 48);
             one
         };
         record.results.push(with_tree(one("Binary", 400.0), 90_000, 64, 2.0, 3.48));

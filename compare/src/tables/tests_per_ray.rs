@@ -4,7 +4,7 @@ use super::input::Shown;
 use super::rows::Rows;
 use super::{Cell, Column, Input, Table};
 use crate::figure::Figure;
-use record::{Count, Point};
+use record::{Count, Point, Tree};
 
 /// The bounces that the paper tells them of.
 const OF: [usize; 3] = [0, 1, 4];
@@ -76,6 +76,6 @@ fn both(input: &Input, source: &Shown) -> anyhow::Result<[Table; 2]> {
 
 /// How often a triangle is in the tree: above 1 where triangles were split.
 fn duplication(point: &Point) -> Option<f64> {
-    let references = point.of_trees(|tree| tree.leaves as f64 * tree.average_triangles_per_leaf);
+    let references = point.of_trees(Tree::references)?;
     Some(references / point.scene.triangles as f64).filter(|&share| share > 0.0)
 }

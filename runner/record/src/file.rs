@@ -274,8 +274,8 @@ mod tests {
             fs::write(&path, text).unwrap();
             Record::read(&path).unwrap_err()
         };
-        assert!(matches!(read("{\"schema\": 2}"), Error::Newer { found: 2, .. }));
-        assert!(read("{\"schema\": 2}").to_string().contains("schema 2"));
+        assert!(matches!(read("{\"schema\": 3}"), Error::Newer { found: 3, .. }));
+        assert!(read("{\"schema\": 3}").to_string().contains("schema 3"));
         assert!(matches!(read("{}"), Error::NoSchema { .. }));
         assert!(matches!(read("{\"schema\": 0}"), Error::NoSchema { .. }));
         assert!(matches!(read("{\"schema\": 1}"), Error::Malformed { .. }));

@@ -59,7 +59,9 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 /// The number of the schema that this version writes, and the newest that it reads.
-pub const SCHEMA: u32 = 1;
+///
+/// Since 2, what is not known of a tree is absent.
+pub const SCHEMA: u32 = 2;
 
 /// One run of `runner`: what ran, where, with which settings, and everything it measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -97,6 +99,18 @@ pub struct Record {
     /// One point of a sweep, measured again and again between the others, to see whether the device drifted.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub references: Vec<Point>,
+    /// Variants that were asked for and could not be measured.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<LeftOut>,
+}
+
+/// A variant that was asked for and could not be measured.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct LeftOut {
+    /// Its name.
+    pub variant: String,
+    /// Why not.
+    pub reason: String,
 }
 
 /// Settings of a whole run.
@@ -210,6 +224,7 @@ impl Record {
             parameters: Parameters::default(),
             results: Vec::new(),
             references: Vec::new(),
+            left_out: Vec::new(),
         }
     }
 

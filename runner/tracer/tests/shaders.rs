@@ -22,6 +22,13 @@ fn below(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
     }
 }
 
+/// The sources of all shaders.
+fn shaders(found: &mut Vec<PathBuf>) {
+    for kind in ["comp", "rgen", "rmiss", "rchit"] {
+        below(&root().join("src"), kind, found);
+    }
+}
+
 /// A source and all that it includes, directly or not.
 fn included(source: &Path, all: &mut BTreeSet<PathBuf>) {
     if !all.insert(source.to_path_buf()) {
@@ -48,7 +55,7 @@ fn cargo_knows_every_include_of_every_shader() {
         .map(|p| root().join(p))
         .collect();
     let mut sources = Vec::new();
-    below(&root().join("src"), "comp", &mut sources);
+    shaders(&mut sources);
     assert!(!sources.is_empty());
     let mut includes = 0;
     for source in sources {
@@ -67,7 +74,7 @@ fn cargo_knows_every_include_of_every_shader() {
 #[test]
 fn every_include_is_included() {
     let (mut sources, mut used, mut there) = (Vec::new(), BTreeSet::new(), Vec::new());
-    below(&root().join("src"), "comp", &mut sources);
+    shaders(&mut sources);
     sources.iter().for_each(|s| included(s, &mut used));
     below(&root().join("shaders"), "glsl", &mut there);
     below(&root().join("src"), "glsl", &mut there);
