@@ -91,6 +91,12 @@ const TRACE_EXAMPLES: &str = "\
 Examples:
   runner trace out/city.rays --scene city --launches 20 --hits out/again.hits";
 
+const ROOFLINE_EXAMPLES: &str = "\
+Examples:
+  runner roofline --quick
+  runner roofline -o out/roofline.json
+  compare markdown out/record.json --table roofline --roofline out/roofline.json";
+
 const VALIDATE_EXAMPLES: &str = "\
 Examples:
   runner validate sponza --variant 'Wide6 Quantized CBTC'
@@ -190,6 +196,13 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Measure what the device can do at best: copy memory, read nodes at random, compute
+    ///
+    /// These are the roofs below which every traversal stays. Each kernel's results are held against the CPU's, and the
+    /// median of several launches counts. `compare markdown RECORD --table roofline --roofline FILE.json` says how near
+    /// to them the variants of a record come.
+    #[command(after_help = ROOFLINE_EXAMPLES)]
+    Roofline(Roofline),
     /// Print the JSON Schema of the record
     Schema,
     /// Help with configs, the files that describe experiments
@@ -283,6 +296,20 @@ pub struct Sweep {
     /// Put this computer's name into the record
     #[arg(long)]
     pub host_name: bool,
+}
+
+/// What `roofline` measures.
+#[derive(Debug, Args)]
+pub struct Roofline {
+    /// Fewer sizes and fewer launches: a few seconds, also on a CPU driver
+    #[arg(long)]
+    pub quick: bool,
+    /// Where it goes, for `compare`
+    #[arg(short, long, value_name = "FILE.json")]
+    pub output: Option<PathBuf>,
+    /// Print JSON instead of tables
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// What `merge` joins.

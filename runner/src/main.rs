@@ -12,6 +12,7 @@ mod picture;
 mod progress;
 mod rayfile;
 mod resources;
+mod roofline;
 mod run;
 mod session;
 mod shard;
@@ -46,6 +47,7 @@ fn main() -> ExitCode {
         Command::Resources { variant, tuning, json } => {
             resources::resources(&cli.global, variant, tuning, *json)
         }
+        Command::Roofline(arguments) => roofline::roofline(&cli.global, arguments),
         Command::Schema => commands::schema(),
         Command::Config(ConfigCommand::Schema) => commands::config_schema(),
         Command::Completions { shell } => commands::completions(*shell),

@@ -211,6 +211,27 @@ fn mistakes_on_the_command_line_are_explained() {
     assert_eq!(fs::read_dir(at).unwrap().count(), 0, "mistakes leave no files");
 }
 
+#[test]
+fn what_the_device_can_do_at_best_is_measured_and_written() {
+    let here = folder();
+    let at = here.path();
+    let started = Instant::now();
+    let output = works(at, "roofline --quick -o new/roof.json --validate");
+    assert!(started.elapsed() < Duration::from_secs(60), "{:?}", started.elapsed());
+    let table = text(&output.stdout);
+    for words in ["GB/s", "Random node reads, billions a second", "80 B", "together", "byte to float"] {
+        assert!(table.contains(words), "{words} in\n{table}");
+    }
+    assert!(table.lines().all(|line| line.chars().count() <= 120), "{table}");
+    let roofline = record::Roofline::read(at.join("new/roof.json")).unwrap();
+    assert!(roofline.copy_bytes_per_second > 0.0 && roofline.rates.len() == 7);
+    assert!(roofline.node_reads.iter().any(|reads| reads.node_bytes == 80 && reads.together));
+    let json = works(at, "roofline --quick --json -q").stdout;
+    let json: record::Roofline = serde_json::from_slice(&json).unwrap();
+    assert_eq!(json.device, roofline.device);
+    fails(at, "roofline --device Voodoo", 1, &["Voodoo"]);
+}
+
 /// Whether the driver of the device that tests run on traces rays.
 fn driver_is_there() -> bool {
     let listed: serde_json::Value =

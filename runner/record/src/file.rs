@@ -54,6 +54,25 @@ pub enum Error {
         /// Number of its schema.
         found: u64,
     },
+    /// The file is no roofline.
+    #[error("{path} is not what `runner roofline -o` writes", path = path.display())]
+    NoRoofline {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and in which line.
+        source: serde_json::Error,
+    },
+    /// The roofline was written by a newer version.
+    #[error(
+        "{path} follows schema {found} of rooflines: read it with the version that wrote it, or measure anew",
+        path = path.display()
+    )]
+    NewerRoofline {
+        /// The file.
+        path: PathBuf,
+        /// Number of its schema.
+        found: u32,
+    },
     /// The record holds a number that JSON cannot express.
     #[error("not written to {path}: {problem}", path = path.display())]
     Unwritable {

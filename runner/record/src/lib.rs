@@ -26,6 +26,7 @@ mod host;
 mod kernel;
 mod parameters;
 mod point;
+mod roofline;
 mod stability;
 pub mod stats;
 mod sweep;
@@ -44,6 +45,7 @@ pub use point::{
     Adaptation, Build, Count, Counters, Exclusion, Launch, Measurement, OF_SCENE, Phase, Point, Repetition,
     Sample, Scene, Source, Stop, Tree, View,
 };
+pub use roofline::{NodeReads, Operation, ROOFLINE_SCHEMA, Rate, Roofline, example_roofline};
 pub use stability::{
     Hold, Inhibition, Policy, REPORT_VARIABLE, Report, Restoration, Stabilized, State, TOLERANCE,
     ThrottleTimes, Throttling, Verdict, process_started,

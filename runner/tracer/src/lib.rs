@@ -13,6 +13,7 @@ pub mod morton;
 pub mod path;
 pub mod permutations;
 pub mod ploc;
+pub mod roofline;
 pub mod sbvh;
 pub mod scene;
 pub mod sort;
@@ -74,6 +75,17 @@ pub enum Error {
         triangles: usize,
         /// How many there may be.
         most: u64,
+    },
+    /// A kernel that measures what the device can do did something else.
+    #[error(
+        "{what}: {device} came to other results than the CPU, so its rate would mean nothing; update the driver, and \
+         run with --validate"
+    )]
+    Roofline {
+        /// What was measured.
+        what: String,
+        /// The device's name.
+        device: String,
     },
     /// Something is asked of the driver's ray tracing that it does not tell.
     #[error("no driver tells what rays meet in its tree, or lets one kernel trace whole paths: {0}")]
