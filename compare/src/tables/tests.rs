@@ -175,7 +175,8 @@ fn bounces_are_relative_to_the_first_row_or_to_another_variant() {
 
 #[track_caller]
 fn written(records: &[Record], kind: Kind) -> String {
-    let input = Input::new(records, &Filter::default(), None).unwrap();
+    let mut input = Input::new(records, &Filter::default(), None).unwrap();
+    input.roofline = Some(record::example_roofline());
     let tables = kind.tables(&input).unwrap();
     let remarks = input.remarks.take().join("\n");
     format!("{remarks}\n\n{}\n\n{}", markdown::page(&tables), latex::fragment(&tables))
@@ -192,6 +193,7 @@ fn each_kind_is_written_in_both_forms() {
     insta::assert_snapshot!("bounces", written(&[replayed()], Kind::Bounces));
     insta::assert_snapshot!("tests", written(&[replayed()], Kind::Tests));
     insta::assert_snapshot!("memory", written(&[replayed()], Kind::Memory));
+    insta::assert_snapshot!("roofline", written(&[scenes()], Kind::Roofline));
 }
 
 #[test]

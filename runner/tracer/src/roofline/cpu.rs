@@ -27,7 +27,7 @@ pub fn nodes(own: u32, nodes: u32, pieces: u32, turns: u32) -> u32 {
     let mut state = own.wrapping_mul(0x9E37_79B1);
     (0..turns).fold(0, |sum: u32, _| {
         state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-        let node = (u64::from(shuffled(state)) * u64::from(nodes) >> 32) as u32;
+        let node = ((u64::from(shuffled(state)) * u64::from(nodes)) >> 32) as u32;
         (0..pieces).fold(sum, |sum, k| sum.wrapping_add(folded(node * pieces + k)))
     })
 }
