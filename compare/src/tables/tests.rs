@@ -240,6 +240,31 @@ fn what_a_record_lacks_is_an_error_that_says_what_to_do() {
     }
 }
 
+/// A row of the driver's own, of which little is known, takes nothing from the others.
+#[test]
+fn what_the_driver_does_not_tell_is_a_gap_in_its_row_alone() {
+    let mut record = replayed();
+    let mut driver = record.results[0].clone();
+    driver.variant = "Driver".into();
+    driver.tree = record::Tree { bytes: Some(1_000_000), ..record::Tree::default() };
+    driver.views.iter_mut().for_each(|view| view.counters = None);
+    let before = written(&[record.clone()], Kind::Tests);
+    record.results.push(driver);
+    for kind in [Kind::Tests, Kind::Memory, Kind::Roofline, Kind::Scene] {
+        let text = written(&[record.clone()], kind);
+        let row = text.lines().find(|line| line.contains("| Driver |")).unwrap();
+        assert!(row.contains('–') && !text.starts_with("left out"), "{kind:?}: {row}");
+    }
+    let after = written(&[record], Kind::Tests);
+    let rows = |text: &str| -> Vec<String> {
+        text.lines()
+            .filter(|line| line.starts_with("| ") && !line.contains("Driver"))
+            .map(str::to_owned)
+            .collect()
+    };
+    assert_eq!(rows(&before), rows(&after));
+}
+
 #[test]
 fn a_reference_that_nobody_has_is_an_error() {
     let error = Input::new(&[scenes()], &Filter::default(), Some("Wide9")).unwrap_err().to_string();
