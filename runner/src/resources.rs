@@ -8,6 +8,7 @@ use crate::{
     table::{self, table, thousands},
     variant::Variant,
 };
+use anyhow::bail;
 use comfy_table::Table;
 use serde::Serialize;
 use tracer::{
@@ -75,6 +76,9 @@ pub fn resources(global: &Global, variants: &[String], tuning: &Tuning, json: bo
                 statistics: kernel.statistics(),
             });
         }
+    }
+    if report.kernels.is_empty() {
+        bail!("the driver does not tell what its own ray tracing takes: choose another --variant");
     }
     print(&if json { serde_json::to_string_pretty(&report)? } else { report.text() })?;
     session.finish()

@@ -275,9 +275,12 @@ fn the_drivers_own_ray_tracing_is_measured_or_said_to_be_unavailable() {
         let checked = text(&works(at, "validate cornell:triangles=100 --variant Driver --views 0").stdout);
         assert!(checked.contains("brute force") && checked.contains("everything holds"), "{checked}");
         fails(at, "render cornell --view 0 --variant Driver --heatmap nodes -o x.png", 1, &["does not tell"]);
+        let single = format!("{line} --variant Driver --set trace.kernels=single");
+        fails(at, &single, 1, &["trace.kernels=separate"]);
         return;
     }
     assert!(row.contains("unavailable") && listed.contains("VK_KHR_ray_tracing_pipeline"), "{listed}");
+    fails(at, "resources --variant Driver", 1, &["does not tell"]);
     let words = ["Driver is unavailable", "VK_KHR_ray_tracing_pipeline", "runner devices"];
     fails(at, &format!("{line} --variant Driver"), 3, &words);
     for other in ["validate", "render --view 0 -o x.png", "rays -o x.rays"] {

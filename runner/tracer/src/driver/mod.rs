@@ -255,15 +255,19 @@ pub(crate) struct Rays {
 
 impl Rays {
     pub fn new(gpu: &Gpu, params: &Params) -> Result<Self, Error> {
+        Self::launched(gpu, params, gpu.info().has(TRACE_INDIRECT))
+    }
+
+    /// The same; `indirect` if the device is to say how many rays are launched.
+    fn launched(gpu: &Gpu, params: &Params, indirect: bool) -> Result<Self, Error> {
         check(gpu.info())?;
         let pipeline =
             RayPipeline::new(gpu, &shaders::DRIVER_TRACE, &shaders::DRIVER_MISS, &shaders::DRIVER_HIT)?;
-        let indirect = || {
+        let size = || {
             let kernel = Kernel::new(gpu, &shaders::DRIVER_SIZE, gpu.info().subgroup_size, &[])?;
             Ok::<_, Error>((kernel, gpu.buffer("size of a launch", 12)?))
         };
-        let indirect = gpu.info().has(TRACE_INDIRECT).then(indirect).transpose()?;
-        Ok(Self { pipeline, indirect, row: params.row })
+        Ok(Self { pipeline, indirect: indirect.then(size).transpose()?, row: params.row })
     }
 
     /// Records the traversal of a queue of at most `rays` rays as one span called `name`. Where the device can say how
@@ -295,9 +299,67 @@ impl Rays {
 mod tests {
     use super::*;
     use crate::{
-        gpu::interface::{Module, fields},
+        gpu::{
+            Options,
+            interface::{Module, fields},
+        },
         traverse::{Hit, Queue, Ray},
     };
+
+    /// Whoever says how many rays there are, the host or the device: the hits are the same.
+    #[test]
+    fn both_ways_of_launching_trace_the_same_rays() {
+        let gpu = Gpu::open(&Options { validate: true, ..Options::default() }).unwrap();
+        if check(gpu.info()).is_err() {
+            eprintln!("skipped: {} does not trace rays", gpu.info());
+            return;
+        }
+        let corners =
+            gpu.upload("triangles", &[[[0f32, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]]).unwrap();
+        for row in [0, 1, 8, 1000] {
+            let params = Params { row, ..Params::default() };
+            let builder = Builder::new(&gpu, &params, &corners, 1).unwrap();
+            builder.build(&corners).unwrap();
+            let structure = builder.finish();
+            let ray = |at: usize| Ray {
+                origin: [at as f32 / 64.0, 0.25, 0.0],
+                t_min: 0.0,
+                direction: [0.0, 0.0, 1.0],
+                t_max: f32::INFINITY,
+            };
+            let rays: Vec<Ray> = (0..100).map(ray).collect();
+            // Three quarters of the way along is the triangle's edge; the last rays are not queued.
+            let expected = |at: usize| match at {
+                97.. => Hit { t: -1.0, triangle: 7 },
+                49.. => Hit::NONE,
+                _ => Hit { t: 1.0, triangle: 0 },
+            };
+            for indirect in [true, false] {
+                if indirect && !gpu.info().has(TRACE_INDIRECT) {
+                    continue;
+                }
+                let there = gpu.upload("rays", &rays).unwrap();
+                let hits = gpu.upload("hits", &[Hit { t: -1.0, triangle: 7 }; 100]).unwrap();
+                let queue = gpu.upload("queue", &[Queue { count: 97, ..Queue::default() }]).unwrap();
+                let buffers = Buffers {
+                    rays: there.address(),
+                    hits: hits.address(),
+                    queue: queue.address(),
+                    counts: 0,
+                    visits: 0,
+                };
+                let traced = Rays::launched(&gpu, &params, indirect).unwrap();
+                let mut pass = Pass::new(&gpu).unwrap();
+                traced.record(&mut pass, "trace", &structure.tree(1.0), &buffers, 100);
+                pass.submit().unwrap();
+                let found: Vec<Hit> = hits.read(0, 100).unwrap();
+                for (at, hit) in found.iter().enumerate().filter(|(at, _)| *at != 48) {
+                    assert_eq!(*hit, expected(at), "ray {at}, rows of {row}, indirect: {indirect}");
+                }
+            }
+        }
+        assert_eq!(gpu.validation_messages(), Vec::<String>::new());
+    }
 
     #[test]
     fn shaders_see_memory_as_the_host_does() {
