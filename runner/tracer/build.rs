@@ -12,13 +12,10 @@ use std::{
 
 #[path = "src/permutations.rs"]
 mod permutations;
-use permutations::{ARITIES, IN_SLANG, Layout, PER_ARITY, PER_LAYOUT};
+use permutations::{ARITIES, IN_SLANG, KINDS, Layout, PER_ARITY, PER_LAYOUT};
 use slang_depbuild::{Depfile, Job, Slangc, compile, up_to_date};
 
 const TARGET: &str = "vulkan1.2";
-
-/// What names of shaders end in: compute kernels, and the three kinds of the driver's ray tracing.
-const KINDS: [&str; 4] = ["comp", "rgen", "rmiss", "rchit"];
 
 fn main() {
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets it"));

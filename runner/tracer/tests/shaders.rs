@@ -7,6 +7,8 @@ use std::{
     process::Command,
 };
 
+use tracer::permutations::KINDS;
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
@@ -24,7 +26,7 @@ fn below(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
 
 /// The sources of all shaders.
 fn shaders(found: &mut Vec<PathBuf>) {
-    for kind in ["comp", "rgen", "rmiss", "rchit"] {
+    for kind in KINDS {
         below(&root().join("src"), kind, found);
     }
 }
