@@ -7,6 +7,7 @@ use tracer::{
     driver,
     gpu::{DeviceInfo, DeviceKind},
     measure::tree::TreeStats,
+    path::WaveCounts,
     scene::{Origin, Scene},
 };
 
@@ -58,6 +59,26 @@ pub fn tree(stats: &TreeStats) -> record::Tree {
 /// What the driver tells of the tree that it has made: how much memory it takes.
 pub fn driver_tree(structure: &driver::Structure) -> record::Tree {
     record::Tree { bytes: Some(structure.bytes()), ..record::Tree::default() }
+}
+
+/// What the rays of a wavefront met, and how well subgroups of a size were used.
+pub fn count(counts: &WaveCounts, subgroup_size: u32) -> record::Count {
+    let own = &counts.utilization;
+    record::Count {
+        rays: counts.rays,
+        nodes: counts.nodes,
+        boxes: counts.boxes,
+        triangles: counts.triangles,
+        utilization: Some(record::Utilization {
+            subgroup_size,
+            node_steps: own.node_steps,
+            node_lanes: own.node_lanes,
+            triangle_steps: own.triangle_steps,
+            triangle_lanes: own.triangle_lanes,
+            fetches: own.fetches,
+            fetch_lanes: own.fetch_lanes,
+        }),
+    }
 }
 
 /// A scene.

@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use tracer::{
     builder::BuildParams,
-    contract::{ContractParams, Contraction, Form},
+    contract::{ContractParams, Contraction, Form, Numbering},
     gpu::Gpu,
     layout::{Layout, LayoutParams},
     traverse::{Language, Technique},
@@ -80,6 +80,8 @@ pub struct Contract {
     pub alpha: f32,
     /// `auto`, `handover` or `levels`.
     pub form: Form,
+    /// `creation` or `depth-first`.
+    pub numbering: Numbering,
     /// c_node of `optimal`.
     #[serde(rename = "c_node")]
     pub c_node: f32,
@@ -93,8 +95,9 @@ pub struct Contract {
 
 impl Default for Contract {
     fn default() -> Self {
-        let ContractParams { method, alpha, form, c_node, c_prim, p_max } = ContractParams::default();
-        Self { by_area: method, by_view: Contraction::Cbtc, alpha, form, c_node, c_prim, p_max }
+        let ContractParams { method, alpha, form, numbering, c_node, c_prim, p_max } =
+            ContractParams::default();
+        Self { by_area: method, by_view: Contraction::Cbtc, alpha, form, numbering, c_node, c_prim, p_max }
     }
 }
 
@@ -114,6 +117,7 @@ impl Params {
         if layout.is_compressed() {
             // Ylitie et al. 2017, 3.4; where another method is chosen, leaves are no larger.
             params.contract.by_area = Contraction::Optimal;
+            params.contract.numbering = Numbering::DepthFirst;
             params.collapse.max_leaf = layout.limits().triangles_per_leaf as u32;
         }
         params
@@ -131,14 +135,14 @@ impl Params {
 
     /// What the builder takes for a variant; where that goes by view, this is the last step's.
     pub fn build(&self, variant: Variant) -> BuildParams {
-        let Contract { by_area, by_view, alpha, form, c_node, c_prim, p_max } = self.contract;
+        let Contract { by_area, by_view, alpha, form, numbering, c_node, c_prim, p_max } = self.contract;
         let method = if variant.by_view { by_view } else { by_area };
         BuildParams {
             method: self.build.method,
             morton: self.morton.clone(),
             ploc: self.ploc.clone(),
             collapse: self.collapse.clone(),
-            contract: ContractParams { method, alpha, form, c_node, c_prim, p_max },
+            contract: ContractParams { method, alpha, form, numbering, c_node, c_prim, p_max },
             layout: LayoutParams { assignment: self.order.assignment, ..self.layout.clone() },
             triangle: self.triangle.clone(),
         }
@@ -231,6 +235,7 @@ impl Params {
             ("trace.postpone_below", f64::from(self.trace.postpone_below), 0.0..=1.0),
             ("trace.primary_vote", f64::from(self.trace.primary_vote), 0.0..=32.0),
             ("trace.secondary_vote", f64::from(self.trace.secondary_vote), 0.0..=32.0),
+            ("trace.primary_packets", f64::from(self.trace.primary_packets), 0.0..=4.0),
             ("trace.stack", f64::from(self.trace.stack), 1.0..=4096.0),
             ("sbvh.alpha", f64::from(self.sbvh.alpha), 0.0..=1e6),
             ("sbvh.object_bins", f64::from(self.sbvh.object_bins), 2.0..=256.0),

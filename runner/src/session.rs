@@ -49,6 +49,27 @@ pub struct Loaded {
     pub device: DeviceScene,
     /// The binary tree that the CPU last made of it, and what it took.
     split: RefCell<Option<Rc<Split>>>,
+    /// The rays of views that were collected last; the one used last comes last.
+    wavefronts: RefCell<Vec<(Seen, Rc<Bounces>)>>,
+}
+
+/// The rays of each bounce of a view.
+pub struct Bounces {
+    /// Bounce by bounce, the primary rays first; none is empty.
+    pub waves: Vec<TraceMemory>,
+    /// Room for a copy of the queue of each, so that all are read at once.
+    pub queues: Buffer,
+}
+
+/// What the rays of a view depend on: its name, the picture's size, and what a path is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seen {
+    /// The view's name.
+    pub view: String,
+    /// Width and height.
+    pub size: (u32, u32),
+    /// Depth and seed among them.
+    pub path: tracer::path::Params,
 }
 
 /// A binary tree with spatial splits.
@@ -61,6 +82,40 @@ pub struct Split {
 }
 
 impl Loaded {
+    /// The rays of each bounce that are seen so, or what collects them where they are not there. All variants are
+    /// measured with the same ones, those that the first of them met. Kept are as many as an eighth of the device's
+    /// memory holds.
+    ///
+    /// # Errors
+    /// Collecting failed.
+    pub fn wavefronts(
+        &self,
+        gpu: &Gpu,
+        seen: &Seen,
+        collect: impl FnOnce() -> anyhow::Result<Vec<TraceMemory>>,
+    ) -> anyhow::Result<Rc<Bounces>> {
+        let place = self.wavefronts.borrow().iter().position(|(its, _)| its == seen);
+        let found = match place {
+            Some(place) => self.wavefronts.borrow_mut().remove(place),
+            None => {
+                let waves = collect()?;
+                let queues = gpu.buffer("queues", (size_of::<Queue>() * waves.len()) as u64)?;
+                (seen.clone(), Rc::new(Bounces { waves, queues }))
+            }
+        };
+        let waves = found.1.clone();
+        self.wavefronts.borrow_mut().push(found);
+        while self.wavefronts.borrow().len() > 1 && self.wavefront_bytes() > gpu.info().memory_bytes / 8 {
+            self.wavefronts.borrow_mut().remove(0);
+        }
+        Ok(waves)
+    }
+
+    /// Bytes of device memory that the rays take which are kept.
+    pub fn wavefront_bytes(&self) -> u64 {
+        self.wavefronts.borrow().iter().flat_map(|(_, bounces)| &bounces.waves).map(TraceMemory::bytes).sum()
+    }
+
     /// The binary tree with spatial splits: the last one, or from disk, or built now.
     pub fn split(&self, params: &SbvhParams, quiet: bool) -> Rc<Split> {
         if let Some(split) = self.split.borrow().as_ref().filter(|split| split.params == *params) {
@@ -275,6 +330,8 @@ pub struct TraceMemory {
     rays: Buffer,
     hits: Buffer,
     queue: Buffer,
+    /// The queue in which all rays wait.
+    full: Buffer,
     count: usize,
 }
 
@@ -284,22 +341,26 @@ impl TraceMemory {
     /// # Errors
     /// Too little memory.
     pub fn new(gpu: &Gpu, rays: &[Ray]) -> anyhow::Result<Self> {
-        let memory = Self {
+        let full = [Queue { count: rays.len() as u32, ..Queue::default() }];
+        Ok(Self {
             rays: gpu.upload("rays", rays)?,
             hits: gpu.buffer("hits", (size_of::<Hit>() * rays.len()) as u64)?,
-            queue: gpu.buffer("queue", size_of::<Queue>() as u64)?,
+            queue: gpu.upload("queue", &full)?,
+            full: gpu.upload("full queue", &full)?,
             count: rays.len(),
-        };
-        memory.rewind()?;
-        Ok(memory)
+        })
     }
 
-    /// Makes all rays wait to be traced again.
-    ///
-    /// # Errors
-    /// A transfer failed.
-    pub fn rewind(&self) -> anyhow::Result<()> {
-        Ok(self.queue.write(&[Queue { count: self.count as u32, ..Queue::default() }])?)
+    /// Records one launch over all rays, as a span called `name`.
+    pub fn record(&self, pass: &mut Pass, name: &str, traversal: &Traversal, tree: &Tree, wave: Wave) {
+        pass.copy(&self.full, 0, &self.queue, 0, size_of::<Queue>() as u64);
+        traversal.record(pass, name, wave, tree, &self.buffers(), self.count);
+    }
+
+    /// Records a copy of the queue to item `at` of a buffer of queues.
+    pub fn record_queue(&self, pass: &mut Pass, queues: &Buffer, at: usize) {
+        let bytes = size_of::<Queue>() as u64;
+        pass.copy(&self.queue, 0, queues, at as u64 * bytes, bytes);
     }
 
     /// Traces them all in one launch; milliseconds of the traversal kernel alone.
@@ -307,9 +368,8 @@ impl TraceMemory {
     /// # Errors
     /// The device was lost, or its driver ended a loop.
     pub fn launch(&self, gpu: &Gpu, traversal: &Traversal, tree: &Tree, wave: Wave) -> anyhow::Result<f64> {
-        self.rewind()?;
         let mut pass = Pass::new(gpu)?;
-        traversal.record(&mut pass, "trace", wave, tree, &self.buffers(), self.count);
+        self.record(&mut pass, "trace", traversal, tree, wave);
         let milliseconds = pass.submit()?.milliseconds("trace");
         traversal.check(0, &self.queue()?)?;
         Ok(milliseconds)
@@ -320,10 +380,14 @@ impl TraceMemory {
         self.count
     }
 
+    fn bytes(&self) -> u64 {
+        ((size_of::<Ray>() + size_of::<Hit>()) * self.count) as u64
+    }
+
     /// For a launch that counts nothing.
     pub fn buffers(&self) -> Buffers {
         let (rays, hits) = (self.rays.address(), self.hits.address());
-        Buffers { rays, hits, queue: self.queue.address(), counts: 0, visits: 0 }
+        Buffers { rays, hits, queue: self.queue.address(), counts: 0, visits: 0, utilization: 0 }
     }
 
     /// How far the rays have come.
@@ -431,7 +495,7 @@ impl Session {
         }
         let device =
             DeviceScene::upload(&self.gpu, &scene).with_context(|| format!("scene {}", scene.name))?;
-        Ok(Loaded { scene, device, split: RefCell::default() })
+        Ok(Loaded { scene, device, split: RefCell::default(), wavefronts: RefCell::default() })
     }
 
     /// Makes a variant's first build `repetitions` times in the same memory and keeps the last; `each` sees

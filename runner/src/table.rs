@@ -2,7 +2,7 @@
 
 use crate::variant::Variant;
 use comfy_table::{CellAlignment, Table};
-use record::{BOUNCES, Launches, Method, Point, Rays, Record, Verdict};
+use record::{BOUNCES, Launches, Method, Point, Rays, Record, Utilization, Verdict};
 use std::fmt::Write;
 
 /// Rates, costs and build times of every point, which variant wins and why, and what the columns mean.
@@ -88,6 +88,9 @@ pub fn summary(record: &Record) -> String {
     }
     if record.run.method == Method::Replay {
         let _ = write!(text, "\n\nBounce by bounce, MRps\n{}", bounces(record));
+        if let Some(table) = utilization(record) {
+            let _ = write!(text, "\n\nSIMD utilization of bounces, %\n{table}");
+        }
     }
     let triangles: Vec<String> = record.results.iter().fold(Vec::new(), |mut all, point| {
         let one = format!("{} {}", point.scene.name, thousands(point.scene.triangles));
@@ -151,6 +154,33 @@ fn bounces(record: &Record) -> String {
         "{}\nOf the launches of each view, the mean over the views; 0 are the primary rays.",
         shown(&rows)
     )
+}
+
+/// How many lanes of a subgroup take part in its steps, by bounce; nothing where nobody has counted that.
+fn utilization(record: &Record) -> Option<String> {
+    let of = |point: &Point, bounce: usize| point.counters()?.depths.get(bounce)?.utilization;
+    record.results.iter().find_map(|point| of(point, 0))?;
+    // There is no room for all.
+    let bounces = &BOUNCES[..3];
+    let heads: Vec<String> = (bounces.iter())
+        .flat_map(|bounce| ["nodes", "tris", "init"].map(|steps| format!("{bounce} {steps}")))
+        .collect();
+    let mut rows =
+        table(&["scene", "variant"].into_iter().chain(heads.iter().map(String::as_str)).collect::<Vec<_>>());
+    for point in &record.results {
+        let mut row = vec![point.scene.name.clone(), point.variant.clone()];
+        for &bounce in bounces {
+            let of = |share: fn(&Utilization) -> Option<f64>| of(point, bounce).as_ref().and_then(share);
+            let shares = [Utilization::of_nodes, Utilization::of_triangles, Utilization::of_fetches].map(of);
+            row.extend(shares.map(|share| share.map_or("–".into(), |share| format!("{:.1}", 100.0 * share))));
+        }
+        rows.add_row(row);
+    }
+    align(&mut rows, &[0, 1]);
+    Some(format!(
+        "{}\nLanes of a subgroup that take part where it visits nodes, tests triangles, and initializes rays.",
+        shown(&rows)
+    ))
 }
 
 /// What a sweep found: as [`summary`] does where it has no axes, and otherwise a row for each point, with how sure
@@ -370,6 +400,27 @@ mod tests {
         assert!(heads.ends_with(&["4 best", "4 median", "8 best", "8 median"]), "{table}");
         assert!(table.lines().nth(2).unwrap().starts_with("sponza"), "{table}");
         assert!(text.contains("launches of each bounce"), "{text}");
+    }
+
+    #[test]
+    fn utilization_of_each_bounce_is_told_where_it_was_counted() {
+        let mut record = record::example();
+        record.run.method = Method::Replay;
+        let text = summary(&record);
+        let table = text.split("SIMD utilization of bounces, %\n").nth(1).unwrap();
+        let cells = |line: usize| table.lines().nth(line).unwrap().split("  ").map(str::trim);
+        let heads: Vec<&str> = cells(0).filter(|cell| !cell.is_empty()).collect();
+        assert_eq!(heads[2..6], ["0 nodes", "0 tris", "0 init", "1 nodes"]);
+        let row: Vec<&str> = cells(2).filter(|cell| !cell.is_empty()).collect();
+        assert_eq!(
+            (row[0], &row[2..7], row[8]),
+            ("sponza", &["90.0", "60.0", "80.0", "50.0", "25.0"][..], "–")
+        );
+        assert!(table.lines().all(|line| line.chars().count() <= 120), "{table}");
+        let views = record.results.iter_mut().flat_map(|point| &mut point.views);
+        let counted = views.filter_map(|view| view.counters.as_mut());
+        counted.flat_map(|counters| &mut counters.depths).for_each(|count| count.utilization = None);
+        assert!(!summary(&record).contains("SIMD utilization"));
     }
 
     #[test]

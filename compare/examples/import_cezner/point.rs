@@ -97,6 +97,7 @@ fn point(table: u32, row: &Row, columns: &Columns, index: usize) -> Point {
                     nodes: counted(columns.nodes[index]),
                     boxes: counted(columns.boxes[index]),
                     triangles: counted(columns.triangles[index]),
+                    utilization: None,
                 }],
             }),
             before: unknown.clone(),

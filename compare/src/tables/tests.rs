@@ -3,7 +3,7 @@
 use super::sample::{point, record, with};
 use super::{Input, Kind, latex, markdown};
 use crate::select::Filter;
-use record::{Count, Counters, Launch, Launches, Method, OccupancyLimit, Point, Record, Sample};
+use record::{Count, Counters, Launch, Launches, Method, OccupancyLimit, Point, Record, Sample, Utilization};
 
 /// Two scenes, three variants, a name that must be escaped, and gaps.
 fn scenes() -> Record {
@@ -123,6 +123,15 @@ fn replayed() -> Record {
                 nodes: 14_000 + 100 * bounce,
                 boxes: 112_000 + 800 * bounce,
                 triangles: 6_500 + 250 * bounce,
+                utilization: Some(Utilization {
+                    subgroup_size: 32,
+                    node_steps: 500 + 100 * bounce,
+                    node_lanes: 14_000 + 100 * bounce,
+                    triangle_steps: 400 + 100 * bounce,
+                    triangle_lanes: 6_500 + 250 * bounce,
+                    fetches: 40 + 5 * bounce,
+                    fetch_lanes: 1000,
+                }),
             };
             let depths = (0..u64::from(bounces)).map(count).collect();
             view.counters = Some(Counters { depths });
@@ -197,6 +206,31 @@ fn each_kind_is_written_in_both_forms() {
 }
 
 #[test]
+fn utilization_is_shown_where_it_was_counted() {
+    let shown = |forgotten: usize| {
+        let mut record = replayed();
+        for point in record.results.iter_mut().take(forgotten) {
+            let depths = &mut point.views[0].counters.as_mut().unwrap().depths;
+            depths.iter_mut().for_each(|count| count.utilization = None);
+        }
+        let records = [record];
+        let input = Input::new(&records, &Filter::default(), None).unwrap();
+        (Kind::Tests.tables(&input).unwrap(), input.remarks.take())
+    };
+    let (all, _) = shown(0);
+    // 14 000 lanes in 500 steps of 32, 6500 in 400, 1000 in 40.
+    let cell = |at: usize| all[2].rows[0].cells[2 + at].to_string();
+    assert_eq!([0, 3, 6].map(cell), ["87.5", "50.8", "78.1"]);
+    let (none, remarks) = shown(usize::MAX);
+    assert_eq!(none, all[..2]);
+    assert!(remarks.is_empty(), "{remarks:?}");
+    // A scene of which one row lacks it is left out, and that is said.
+    let (_, remarks) = shown(1);
+    let said = |remark: &String| remark.starts_with("a: ") && remark.contains("SIMD utilization of bounce 0");
+    assert!(remarks.iter().any(said), "{remarks:?}");
+}
+
+#[test]
 fn a_document_stands_alone() {
     let records = both_ways();
     let input = Input::new(&records, &Filter::default(), None).unwrap();
@@ -225,7 +259,7 @@ fn what_a_record_lacks_is_an_error_that_says_what_to_do() {
         let input = Input::new(&records, &Filter::default(), None).unwrap();
         match (kind, kind.tables(&input)) {
             (Kind::Scene | Kind::Bounces | Kind::Memory, tables) => assert_eq!(tables.unwrap().len(), 1),
-            (Kind::Tests, tables) => assert_eq!(tables.unwrap().len(), 2),
+            (Kind::Tests, tables) => assert_eq!(tables.unwrap().len(), 3),
             (_, tables) => assert!(tables.unwrap_err().to_string().contains("runner"), "{kind:?}"),
         }
     }

@@ -4,7 +4,9 @@
 //! does (Cezner 2025, section 6.2).
 
 use crate::stats::{Estimate, median};
-use crate::{Adaptation, Build, Count, Counters, Launch, Phase, Point, Repetition, Sample, Tree, View};
+use crate::{
+    Adaptation, Build, Count, Counters, Launch, Phase, Point, Repetition, Sample, Tree, Utilization, View,
+};
 use std::fmt;
 use std::iter::Sum;
 use std::ops::Add;
@@ -321,11 +323,52 @@ impl Count {
     }
 }
 
+impl Utilization {
+    /// The share of a subgroup's lanes that took part in a step that visits nodes, on average; nothing without such
+    /// steps.
+    pub fn of_nodes(&self) -> Option<f64> {
+        self.share(self.node_steps, self.node_lanes)
+    }
+
+    /// The same of steps that test triangles.
+    pub fn of_triangles(&self) -> Option<f64> {
+        self.share(self.triangle_steps, self.triangle_lanes)
+    }
+
+    /// The same of steps that fetch rays.
+    pub fn of_fetches(&self) -> Option<f64> {
+        self.share(self.fetches, self.fetch_lanes)
+    }
+
+    fn share(&self, steps: u64, lanes: u64) -> Option<f64> {
+        (steps > 0).then(|| lanes as f64 / (steps as f64 * f64::from(self.subgroup_size)))
+    }
+
+    /// Of both together; nothing where subgroups differ in size.
+    fn and(self, other: Utilization) -> Option<Utilization> {
+        (self.subgroup_size == other.subgroup_size).then(|| Utilization {
+            subgroup_size: self.subgroup_size,
+            node_steps: self.node_steps + other.node_steps,
+            node_lanes: self.node_lanes + other.node_lanes,
+            triangle_steps: self.triangle_steps + other.triangle_steps,
+            triangle_lanes: self.triangle_lanes + other.triangle_lanes,
+            fetches: self.fetches + other.fetches,
+            fetch_lanes: self.fetch_lanes + other.fetch_lanes,
+        })
+    }
+}
+
 impl Add for Count {
     type Output = Count;
 
+    /// The utilization is known where it is for all rays.
     fn add(self, other: Count) -> Count {
         Count {
+            utilization: match (self.rays, other.rays) {
+                (0, _) => other.utilization,
+                (_, 0) => self.utilization,
+                _ => self.utilization.zip(other.utilization).and_then(|(own, its)| own.and(its)),
+            },
             rays: self.rays + other.rays,
             nodes: self.nodes + other.nodes,
             boxes: self.boxes + other.boxes,
@@ -415,7 +458,7 @@ mod tests {
         (point.tree.nodes, point.tree.node_bytes) = (Some(10), Some(800));
         (point.tree.leaves, point.tree.average_triangles_per_leaf) = (Some(50), Some(2.0));
         (point.tree.triangle_bytes, point.scene.triangles) = (Some(4800), 60);
-        let met = Count { rays: 2, nodes: 6, boxes: 0, triangles: 8 };
+        let met = Count { rays: 2, nodes: 6, boxes: 0, triangles: 8, utilization: None };
         assert_eq!(
             point.bytes_per_ray(&met),
             Some([240.0, 192.0]),
@@ -478,7 +521,21 @@ mod tests {
 
     #[test]
     fn counters_are_totals_over_views_and_depths() {
-        let count = |rays, nodes| Count { rays, nodes, boxes: 2 * nodes, triangles: nodes / 2 };
+        let count = |rays, nodes| Count {
+            rays,
+            nodes,
+            boxes: 2 * nodes,
+            triangles: nodes / 2,
+            utilization: Some(Utilization {
+                subgroup_size: 8,
+                node_steps: nodes / 4,
+                node_lanes: nodes,
+                triangle_steps: nodes / 4,
+                triangle_lanes: nodes / 2,
+                fetches: rays,
+                fetch_lanes: rays,
+            }),
+        };
         let mut point = example().results[0].clone();
         point.views.truncate(1);
         point.views[0].counters = Some(Counters { depths: vec![count(4, 40), count(2, 60)] });
@@ -491,6 +548,18 @@ mod tests {
         let all = counters.all().per_ray().unwrap();
         assert_eq!((all.nodes, all.boxes, all.triangles), (18.0, 36.0, 9.0));
         assert_eq!(Count::default().per_ray(), None);
+        let all = counters.all().utilization.unwrap();
+        assert_eq!([all.of_nodes(), all.of_triangles(), all.of_fetches()], [0.5, 0.25, 0.125].map(Some));
+        assert_eq!(Utilization { triangle_steps: 0, triangle_lanes: 0, ..all }.of_triangles(), None);
+
+        // Of some rays it is not that of all, nor where a step has another number of lanes.
+        let mut unknown = counters.clone();
+        unknown.depths[1].utilization = None;
+        assert_eq!((unknown.all().utilization, unknown.all().nodes), (None, 180));
+        assert!(unknown.primary().utilization.is_some());
+        let mut other = counters;
+        other.depths[1].utilization.as_mut().unwrap().subgroup_size = 32;
+        assert_eq!(other.all().utilization, None);
 
         point.views[1].counters = None;
         assert_eq!(point.counters(), None);

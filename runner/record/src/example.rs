@@ -133,12 +133,27 @@ fn repetition<const N: usize>(milliseconds: f64, phases: [(&str, f64); N]) -> Re
     }
 }
 
-fn counters<const N: usize>(depths: [[u64; 4]; N]) -> Option<Counters> {
-    Some(Counters {
-        depths: depths
-            .map(|[rays, nodes, boxes, triangles]| Count { rays, nodes, boxes, triangles })
-            .to_vec(),
-    })
+/// What rays met, and in how many steps: of nodes, of triangles, and to fetch them.
+fn counters<const N: usize>(depths: [([u64; 4], [u64; 3]); N]) -> Option<Counters> {
+    let count =
+        |([rays, nodes, boxes, triangles], [node_steps, triangle_steps, fetches]): ([u64; 4], [u64; 3])| {
+            Count {
+                rays,
+                nodes,
+                boxes,
+                triangles,
+                utilization: Some(Utilization {
+                    subgroup_size: 32,
+                    node_steps,
+                    node_lanes: nodes,
+                    triangle_steps,
+                    triangle_lanes: triangles,
+                    fetches,
+                    fetch_lanes: rays,
+                }),
+            }
+        };
+    Some(Counters { depths: depths.map(count).to_vec() })
 }
 
 fn kernel(purpose: &str, registers: u32, occupancy: f64, limited_by: OccupancyLimit) -> Kernel {
@@ -220,9 +235,9 @@ fn measured(before: Timestamp, after: Timestamp) -> Point {
                 launches([(230_400, 0.127), (229_881, 0.769), (228_904, 0.899)]),
             ],
             counters: counters([
-                [230_400, 9_216_000, 18_432_000, 4_608_000],
-                [229_870, 11_493_500, 22_987_000, 6_896_100],
-                [228_910, 11_674_410, 23_348_820, 7_096_210],
+                ([230_400, 9_216_000, 18_432_000, 4_608_000], [320_000, 240_000, 9_000]),
+                ([229_870, 11_493_500, 22_987_000, 6_896_100], [718_344, 862_013, 17_959]),
+                ([228_910, 11_674_410, 23_348_820, 7_096_210], [729_651, 887_027, 17_884]),
             ]),
             before: reading(before, 51, 92.4),
             after: reading(after, 58, 204.75),

@@ -43,7 +43,7 @@ pub use kernel::{Kernel, OccupancyLimit};
 pub use parameters::{Parameters, Value};
 pub use point::{
     Adaptation, Build, Count, Counters, Exclusion, Launch, Measurement, OF_SCENE, Phase, Point, Repetition,
-    Sample, Scene, Source, Stop, Tree, View,
+    Sample, Scene, Source, Stop, Tree, Utilization, View,
 };
 pub use roofline::{NodeReads, Operation, ROOFLINE_SCHEMA, Rate, Roofline, example_roofline};
 pub use stability::{

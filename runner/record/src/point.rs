@@ -262,4 +262,27 @@ pub struct Count {
     pub boxes: u64,
     /// Triangles tested.
     pub triangles: u64,
+    /// How well the subgroups were used that traced them; absent in records from before that was counted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub utilization: Option<Utilization>,
+}
+
+/// SIMD utilization (Ylitie et al. 2017, tables 7 and 10): what subgroups executed, and in how many of their lanes each
+/// time. A step is counted where at least one lane takes part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Utilization {
+    /// Lanes of a subgroup.
+    pub subgroup_size: u32,
+    /// Steps in which lanes visited a node.
+    pub node_steps: u64,
+    /// Lanes that did, over all these steps.
+    pub node_lanes: u64,
+    /// Steps in which lanes tested a triangle.
+    pub triangle_steps: u64,
+    /// Lanes that did, over all these steps.
+    pub triangle_lanes: u64,
+    /// Steps in which lanes fetched a ray and made it ready.
+    pub fetches: u64,
+    /// Lanes that did, over all these steps.
+    pub fetch_lanes: u64,
 }

@@ -1,4 +1,4 @@
-use crate::{Build, Count, Kernel, Point, Record, SCHEMA, Source, Telemetry, Tree, View};
+use crate::{Build, Count, Kernel, Point, Record, SCHEMA, Source, Telemetry, Tree, Utilization, View};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
@@ -297,6 +297,9 @@ fn check_view(at: &str, view: &View, depth: usize, problems: &mut Problems) {
             if count.nodes.max(count.boxes).max(count.triangles) > COUNTABLE {
                 problems.add(&format!("{at}[{index}]"), Fault::Range, "more than anybody can count");
             }
+            if let Some(utilization) = &count.utilization {
+                check_utilization(&format!("{at}[{index}].utilization"), utilization, problems);
+            }
         }
     }
     for (name, telemetry) in [("before", &view.before), ("after", &view.after)] {
@@ -309,6 +312,27 @@ fn check_view(at: &str, view: &View, depth: usize, problems: &mut Problems) {
                     problems.not_negative(&format!("{at}.{name}.power_watts"), watts);
                 }
             }
+        }
+    }
+}
+
+fn check_utilization(at: &str, utilization: &Utilization, problems: &mut Problems) {
+    let size = u64::from(utilization.subgroup_size);
+    if size == 0 {
+        problems.add(&format!("{at}.subgroup_size"), Fault::Range, "zero");
+        return;
+    }
+    for (name, steps, lanes) in [
+        ("node_lanes", utilization.node_steps, utilization.node_lanes),
+        ("triangle_lanes", utilization.triangle_steps, utilization.triangle_lanes),
+        ("fetch_lanes", utilization.fetches, utilization.fetch_lanes),
+    ] {
+        let at = format!("{at}.{name}");
+        if steps.max(lanes) > COUNTABLE {
+            problems.add(&at, Fault::Range, "more than anybody can count");
+        } else if lanes < steps || lanes > steps * size {
+            let what = format!("{lanes} lanes in {steps} steps of 1 to {size}");
+            problems.add(&at, Fault::Mismatch, what);
         }
     }
 }
@@ -426,6 +450,17 @@ mod tests {
         breaks("results[0].views[0].counters.depths[1]", Range, |r| {
             r.results[0].views[0].counters.as_mut().unwrap().depths[1].boxes = u64::MAX;
         });
+
+        let utilization = "results[0].views[0].counters.depths[1].utilization";
+        fn utilized(record: &mut Record) -> &mut Utilization {
+            let counters = record.results[0].views[0].counters.as_mut().unwrap();
+            counters.depths[1].utilization.as_mut().unwrap()
+        }
+        breaks(&format!("{utilization}.subgroup_size"), Range, |r| utilized(r).subgroup_size = 0);
+        breaks(&format!("{utilization}.node_lanes"), Mismatch, |r| utilized(r).node_steps /= 32);
+        breaks(&format!("{utilization}.triangle_lanes"), Mismatch, |r| utilized(r).triangle_lanes = 1);
+        breaks(&format!("{utilization}.fetch_lanes"), Mismatch, |r| utilized(r).fetches = 0);
+        breaks(&format!("{utilization}.fetch_lanes"), Range, |r| utilized(r).fetches = u64::MAX);
 
         breaks("schema", Range, |r| r.schema = SCHEMA + 1);
         breaks("tool.name", Empty, |r| r.tool.name.clear());

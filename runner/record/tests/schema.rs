@@ -149,6 +149,8 @@ fn a_damaged_record_does_not_fit() {
         ("/results/0/kernels/0/registers", json!(40.5)),
         ("/results/0/kernels/0/limited_by", json!("boredom")),
         ("/results/0/views/0/before/throttle_reasons/0", json!("boredom")),
+        ("/results/0/views/0/counters/depths/0/utilization", json!({"subgroup_size": 32})),
+        ("/results/0/views/0/counters/depths/0/utilization/fetches", json!(0.5)),
         (first_launch, json!({"rays": 5})),
         (first_launch, json!({"rays": 5, "milliseconds": null})),
         (first_launch, json!({"rays": 0.5, "milliseconds": 1.0})),
@@ -186,6 +188,13 @@ fn what_a_reader_needs_is_required() {
     value["results"][0].as_object_mut().unwrap().remove("kernels").unwrap();
     assert_eq!(misfits(&value), Vec::<String>::new());
     assert!(serde_json::from_value::<Record>(value).unwrap().results[0].kernels.is_empty());
+    // As in records from before steps were counted.
+    let mut value = sound();
+    let count = value["results"][0]["views"][0]["counters"]["depths"][0].as_object_mut().unwrap();
+    count.remove("utilization").unwrap();
+    assert_eq!(misfits(&value), Vec::<String>::new());
+    let record = serde_json::from_value::<Record>(value.clone()).unwrap();
+    assert_eq!((record.validate(), serde_json::to_value(record).unwrap()), (Ok(()), value));
     let mut value = sound();
     let kernel = value["results"][0]["kernels"][0].as_object_mut().unwrap();
     kernel.retain(|name, _| ["name", "purpose", "workgroup_size", "subgroup_size"].contains(&name.as_str()));

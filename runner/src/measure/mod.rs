@@ -3,6 +3,7 @@
 
 mod held;
 mod kernels;
+mod ramp;
 mod settle;
 mod shots;
 mod start;
@@ -20,7 +21,8 @@ use crate::{
     variant::Variant,
 };
 use kernels::Kernels;
-use record::{Adaptation, Build, Count, Counters, Exclusion, Measurement, Method, Point, Stop, Timestamp};
+use ramp::Ramp;
+use record::{Adaptation, Build, Counters, Exclusion, Measurement, Method, Point, Stop, Timestamp};
 use shots::Shots;
 use std::time::{Duration, Instant};
 use stop::Verdict;
@@ -166,7 +168,8 @@ impl Measuring<'_> {
                     kernels = Some(Kernels::new(self.session, &tree, self.variant, self.params)?);
                 }
                 let kernels = kernels.as_ref().expect("compiled above");
-                let shots = Shots::new(plan.method, self.session, &tracer, kernels, &tree, &camera)?;
+                let shots =
+                    Shots::new(plan, (self.session, self.loaded), &tracer, kernels, &tree, (view, &camera))?;
                 // Compiling the kernels has left it idle, and so has collecting rays.
                 let (begun, least) = match plan.method {
                     _ if !compiled => (Instant::now(), plan.busy_before_point),
@@ -195,12 +198,8 @@ impl Measuring<'_> {
                 }
                 if first && plan.counting && kernels.count() {
                     let counts = tracer.count(&kernels.counting, &tree, &camera, 0)?;
-                    let depths = counts.iter().map(|c| Count {
-                        rays: c.rays,
-                        nodes: c.nodes,
-                        boxes: c.boxes,
-                        triangles: c.triangles,
-                    });
+                    let subgroup_size = self.session.gpu.info().subgroup_size;
+                    let depths = counts.iter().map(|c| describe::count(c, subgroup_size));
                     own.counters = Some(Counters { depths: depths.collect() });
                     watch.sample();
                 }
@@ -256,8 +255,8 @@ impl Measuring<'_> {
     }
 
     /// Adds samples to a view until `goal` of them count, or there are as many as there may be, or `deadline`
-    /// has passed. The device has been busy since `begun`, and is to be for at `least` so long before. False
-    /// where the user stopped it.
+    /// has passed. The device has been busy since `begun`, and is to be for at `least` so long before, and longer while
+    /// its clock still rises. False where the user stopped it.
     fn samples(
         &self,
         view: &mut record::View,
@@ -272,6 +271,13 @@ impl Measuring<'_> {
         while warmed < plan.warm_up || (plan.warm_up > 0 && begun.elapsed() < least) {
             shots.sample(u32::MAX - 1 - warmed)?;
             warmed += 1;
+        }
+        let mut ramp = Ramp::new(plan.clock.as_ref(), Instant::now());
+        while plan.warm_up > 0
+            && !watch.interrupted()
+            && ramp.rises(self.telemetry.moment().sm_clock_mhz, Instant::now())
+        {
+            shots.work(Ramp::BETWEEN)?;
         }
         if view.samples.is_empty() {
             view.before = self.telemetry.sample();

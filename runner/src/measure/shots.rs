@@ -1,11 +1,17 @@
 //! What a sample is: whole paths of its own, or the rays of every bounce launched once more.
 
-use super::kernels::Kernels;
-use crate::session::{Session, TraceMemory};
+use super::{Plan, kernels::Kernels};
+use crate::session::{Bounces, Loaded, Seen, Session, TraceMemory};
 use record::{Launch, Method};
+use std::{
+    rc::Rc,
+    time::{Duration, Instant},
+};
 use tracer::{
+    gpu::Pass,
     path::{Camera, PathTracer},
-    traverse::{Tree, Wave},
+    scene::View,
+    traverse::{Queue, Traversal, Tree, Wave},
 };
 
 /// The samples of one view.
@@ -16,42 +22,43 @@ pub struct Shots<'a> {
     tree: &'a Tree,
     camera: &'a Camera,
     /// Of the method that replays them, the rays of each bounce.
-    bounces: Option<Vec<TraceMemory>>,
+    bounces: Option<Rc<Bounces>>,
 }
 
 impl<'a> Shots<'a> {
-    /// Of a view that is seen through a tree. The rays that are to be launched again and again are collected here:
-    /// those of the first sample's paths, in the order of their pixels, so that they are the same from run to run.
+    /// Of a view that is seen through a tree. The rays that are to be launched again and again are collected here where
+    /// no variant before has met them: those of the first sample's paths, in the order of their pixels.
     ///
     /// # Errors
     /// Too little memory, or the device failed.
     pub fn new(
-        method: Method,
-        session: &'a Session,
+        plan: &Plan,
+        (session, loaded): (&'a Session, &Loaded),
         tracer: &'a PathTracer<'a>,
         kernels: &'a Kernels,
         tree: &'a Tree,
-        camera: &'a Camera,
+        (view, camera): (&View, &'a Camera),
     ) -> anyhow::Result<Self> {
-        let bounces = match method {
+        let bounces = match plan.method {
             Method::Paths => None,
             Method::Replay => {
-                let mut bounces = Vec::new();
-                let mut failed = None;
-                // A traversal that counts meets the same rays, and is there whichever kernels are timed.
-                tracer.wavefronts(&kernels.counting, tree, camera, 0, |wave| {
-                    if !wave.rays.is_empty() {
-                        match TraceMemory::new(&session.gpu, &wave.rays) {
-                            Ok(memory) => bounces.push(memory),
-                            Err(error) => failed = Some(error),
+                let seen = Seen { view: view.name.clone(), size: plan.size, path: plan.path.clone() };
+                Some(loaded.wavefronts(&session.gpu, &seen, || {
+                    let mut bounces = Vec::new();
+                    let mut failed = None;
+                    // A traversal that counts, or would if the driver told, meets the same rays, and is there whichever
+                    // kernels are timed.
+                    tracer.wavefronts(&kernels.counting, tree, camera, 0, |wave| {
+                        if !wave.rays.is_empty() {
+                            match TraceMemory::new(&session.gpu, &wave.rays) {
+                                Ok(memory) => bounces.push(memory),
+                                Err(error) => failed = Some(error),
+                            }
                         }
-                    }
-                    failed.is_none()
-                })?;
-                if let Some(error) = failed {
-                    return Err(error);
-                }
-                Some(bounces)
+                        failed.is_none()
+                    })?;
+                    failed.map_or(Ok(bounces), Err)
+                })?)
             }
         };
         Ok(Self { session, tracer, kernels, tree, camera, bounces })
@@ -68,16 +75,56 @@ impl<'a> Shots<'a> {
                 let waves = measured.waves.iter();
                 Ok(waves.map(|wave| Launch { rays: wave.rays, milliseconds: wave.milliseconds }).collect())
             }
-            // Bounce after bounce in every sample, so that a slow change of the device meets all of them alike.
+            // Bounce after bounce in every sample, so that a slow change of the device meets all of them alike, and in one
+            // submission, so that it stays busy: with one each, an H100 idled for longer than it traced and took to
+            // half of its clock.
             Some(bounces) => {
                 let traversal = self.kernels.separate()?;
-                let launch = |(bounce, rays): (usize, &TraceMemory)| {
-                    let wave = Wave::at(bounce);
-                    let milliseconds = rays.launch(&self.session.gpu, traversal, self.tree, wave)?;
-                    Ok(Launch { rays: rays.count() as u64, milliseconds })
+                let mut pass = Pass::new(&self.session.gpu)?;
+                self.record_round(&mut pass, bounces, traversal);
+                for (bounce, wave) in bounces.waves.iter().enumerate() {
+                    wave.record_queue(&mut pass, &bounces.queues, bounce);
+                }
+                let timings = pass.submit()?;
+                let queues: Vec<Queue> = bounces.queues.read(0, bounces.waves.len())?;
+                let launch = |(bounce, wave): (usize, &TraceMemory)| {
+                    traversal.check(bounce, &queues[bounce])?;
+                    let milliseconds = timings.milliseconds(&bounce.to_string());
+                    Ok(Launch { rays: wave.count() as u64, milliseconds })
                 };
-                bounces.iter().enumerate().map(launch).collect()
+                bounces.waves.iter().enumerate().map(launch).collect()
             }
+        }
+    }
+
+    /// Keeps the device busy for about so long, by samples that nobody looks at.
+    ///
+    /// # Errors
+    /// The device failed.
+    pub fn work(&self, time: Duration) -> anyhow::Result<()> {
+        let started = Instant::now();
+        let mut rounds = 1;
+        while started.elapsed() < time {
+            match &self.bounces {
+                None => drop(self.sample(u32::MAX - 1)?),
+                Some(bounces) => {
+                    let traversal = self.kernels.separate()?;
+                    let mut pass = Pass::new(&self.session.gpu)?;
+                    pass.time_dispatches(false);
+                    for _ in 0..rounds {
+                        self.record_round(&mut pass, bounces, traversal);
+                    }
+                    pass.submit()?;
+                    rounds = (2 * rounds).min(64);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn record_round(&self, pass: &mut Pass, bounces: &Bounces, traversal: &Traversal) {
+        for (bounce, wave) in bounces.waves.iter().enumerate() {
+            wave.record(pass, &bounce.to_string(), traversal, self.tree, Wave::at(bounce));
         }
     }
 }

@@ -6,7 +6,7 @@ use std::rc::Rc;
 /// Bytes of device memory that a triangle of a loaded scene takes: its corners and its material.
 const BYTES_A_TRIANGLE: u64 = 40;
 
-/// The scenes used last, as many as leave most of the memory to trees.
+/// The scenes used last, with the rays that were collected in them, as many as leave most of the memory to trees.
 pub struct Scenes<'a> {
     session: &'a Session,
     /// The one used last comes last.
@@ -18,7 +18,7 @@ impl<'a> Scenes<'a> {
     /// None yet.
     pub fn new(session: &'a Session) -> Self {
         // Building takes several times the memory of the triangles.
-        Self { session, loaded: Vec::new(), budget: session.gpu.info().memory_bytes / 8 }
+        Self { session, loaded: Vec::new(), budget: session.gpu.info().memory_bytes / 4 }
     }
 
     /// A scene, loaded where it is not.
@@ -32,7 +32,9 @@ impl<'a> Scenes<'a> {
         } else {
             let new = Rc::new(self.session.load(spec)?);
             self.loaded.push((spec.to_owned(), new));
-            let bytes = |loaded: &Loaded| loaded.scene.positions.len() as u64 * BYTES_A_TRIANGLE;
+            let bytes = |loaded: &Loaded| {
+                loaded.scene.positions.len() as u64 * BYTES_A_TRIANGLE + loaded.wavefront_bytes()
+            };
             while self.loaded.len() > 1
                 && self.loaded.iter().map(|(_, loaded)| bytes(loaded)).sum::<u64>() > self.budget
             {

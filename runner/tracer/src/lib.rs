@@ -53,6 +53,27 @@ pub enum Error {
         /// What there is.
         limit: u32,
     },
+    /// Packets in a kernel that has none.
+    #[error(
+        "rays are traced in packets in GLSL, through Wide4, Wide6 and Wide8, and by subgroups of as many lanes: set \
+         trace.primary_packets=0"
+    )]
+    NoPackets,
+    /// The stacks of a workgroup's packets are too large.
+    #[error(
+        "{packets} stacks of {entries} entries are {bytes} bytes of shared memory, and a workgroup has {limit}: set \
+         trace.primary_subgroups lower"
+    )]
+    PacketStacks {
+        /// Packets a workgroup.
+        packets: u32,
+        /// Entries of each stack.
+        entries: u32,
+        /// What they take.
+        bytes: u32,
+        /// What there is.
+        limit: u32,
+    },
     /// The single kernel is asked for what only separate kernels have.
     #[error("a single kernel there is in GLSL only, and without a barrier: set trace.kernels=separate")]
     NoSingleKernel,

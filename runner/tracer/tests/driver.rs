@@ -59,7 +59,8 @@ fn traced(
     let structure = builder.finish();
     assert!(structure.bytes() > 0);
     let tree = structure.tree(1.0);
-    let params = Params { driver: params.clone(), ..Params::default() };
+    // Of our own kernels' parameters none has a meaning here, not even one that kernels of few layouts have.
+    let params = Params { driver: params.clone(), primary_packets: 1, ..Params::default() };
     let traversal = Traversal::new(gpu, &params, &tree, Counting::Nothing).unwrap();
     assert!(traversal.kernel(Wave::Primary).is_none());
     let uncounted = Traversal::new(gpu, &params, &tree, Counting::Rays);
@@ -75,6 +76,7 @@ fn traced(
         queue: queue.address(),
         counts: 0,
         visits: 0,
+        utilization: 0,
     };
     let mut pass = Pass::new(gpu).unwrap();
     traversal.record(&mut pass, "trace", Wave::Secondary, &tree, &buffers, rays.len());
@@ -146,6 +148,56 @@ fn hits_are_those_of_brute_force() {
                 let found = traced(gpu, &params, triangles, &rays, queued);
                 agree(&format!("{name}, {params:?}, {queued} of {n}"), triangles, &rays[..queued], &found);
             }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn launches_of_one_pass_have_their_own_rays_and_spans() {
+    let Some(gpu) = tracing() else { return };
+    let triangles = terrain(2000);
+    let corners = gpu.upload("triangles", &triangles).unwrap();
+    for row in [0, 8] {
+        let params = driver::Params { row, ..driver::Params::default() };
+        let builder = Builder::new(gpu, &params, &corners, triangles.len()).unwrap();
+        builder.build(&corners).unwrap();
+        let structure = builder.finish();
+        let tree = structure.tree(1.0);
+        let params = Params { driver: params, ..Params::default() };
+        let traversal = Traversal::new(gpu, &params, &tree, Counting::Nothing).unwrap();
+        // Longer and shorter ones in turn: who launched as many as another did would leave some out.
+        let waves: Vec<_> = [300, 4099, 1, 77]
+            .into_iter()
+            .map(|n| {
+                let rays = rays(n, 40.0);
+                let memory = gpu.upload("rays", &rays).unwrap();
+                let hits = gpu.upload("hits", &vec![Hit { t: -1.0, triangle: 12_345 }; n]).unwrap();
+                let queue = gpu.upload("queue", &[Queue { count: n as u32, ..Queue::default() }]).unwrap();
+                (rays, memory, hits, queue)
+            })
+            .collect();
+        let mut pass = Pass::new(gpu).unwrap();
+        for _ in 0..3 {
+            for (at, (rays, memory, hits, queue)) in waves.iter().enumerate() {
+                let (rays, n) = (memory.address(), rays.len());
+                let (hits, queue) = (hits.address(), queue.address());
+                let buffers = Buffers { rays, hits, queue, counts: 0, visits: 0, utilization: 0 };
+                traversal.record(&mut pass, &at.to_string(), Wave::at(at), &tree, &buffers, n);
+            }
+        }
+        let timings = pass.submit().unwrap();
+        for (at, (rays, _, hits, queue)) in waves.iter().enumerate() {
+            let name = at.to_string();
+            assert!(timings.milliseconds(&name) > 0.0, "{name}");
+            assert_eq!(timings.spans.iter().filter(|span| span.path == name).count(), 3, "{name}");
+            traversal.check(at, &queue.read(0, 1).unwrap()[0]).unwrap();
+            agree(
+                &format!("launch {at}, rows of {row}"),
+                &triangles,
+                rays,
+                &hits.read(0, rays.len()).unwrap(),
+            );
         }
     }
     assert_silent();

@@ -433,6 +433,29 @@ fn two_balls() -> Scene {
 }
 
 #[test]
+fn each_wavefront_has_a_utilization_of_its_own() {
+    let balls = two_balls();
+    let sampled = Sampled::new(&balls);
+    let tree = &sampled.planted.tree;
+    let camera = Camera::new(&view([0.0; 3], [0.0, 0.0, -1.0], 70.0), SIZE.0, SIZE.1);
+    let tracer = PathTracer::new(gpu(), &sampled.device, SIZE, &Params { depth: 4, seed: 2 }, true).unwrap();
+    // The second time, nothing is left of the first.
+    for sample in 0..2 {
+        let waves = tracer.count(traversal(tree, Counting::Rays), tree, &camera, sample).unwrap();
+        assert!(waves.len() > 1, "{waves:?}");
+        for wave in &waves {
+            let u = &wave.utilization;
+            assert_eq!(
+                [u.node_lanes, u.triangle_lanes, u.fetch_lanes],
+                [wave.nodes, wave.triangles, wave.rays],
+                "{wave:?}"
+            );
+        }
+    }
+    assert_silent();
+}
+
+#[test]
 fn sample_rays_count_how_often_each_node_is_visited() {
     let balls = two_balls();
     let sampled = Sampled::new(&balls);

@@ -16,7 +16,7 @@ use tracer::{
     layout::{Layout, LayoutParams, LeafTriangles, compressed::Compressed8},
     traverse::{
         Buffers, Counting, Counts, Hit, Language, Params, Queue, Ray, Technique, Traversal, TriangleTest,
-        Wave, cpu,
+        Utilization, Wave, cpu,
         groups::{self, Fetch, Order},
     },
 };
@@ -26,6 +26,16 @@ type Point = [f32; 3];
 /// What stands in memory before a launch: no hit that a kernel writes looks like it.
 const POISON: u32 = 0xABAB_ABAB;
 
+/// What subgroups are said to have done before a launch, which goes on from there: a carry is not far.
+const BEFORE: Utilization = Utilization {
+    node_steps: u32::MAX as u64,
+    node_lanes: u32::MAX as u64 - 1,
+    triangle_steps: u32::MAX as u64 - 2,
+    triangle_lanes: (7 << 32) - 3,
+    fetches: u32::MAX as u64,
+    fetch_lanes: u32::MAX as u64 - 4,
+};
+
 /// Traces rays once and requires that each was finished exactly once, and nothing else was touched.
 fn trace(
     traversal: &Traversal,
@@ -34,6 +44,18 @@ fn trace(
     planted: &Planted,
     rays: &[Ray],
 ) -> (Vec<Hit>, Vec<Counts>) {
+    let (hits, counts, _) = trace_and_count(traversal, counting, wave, planted, rays);
+    (hits, counts)
+}
+
+/// The same, and how well subgroups were used: of a kernel that counts, it must fit what the rays met.
+fn trace_and_count(
+    traversal: &Traversal,
+    counting: Counting,
+    wave: Wave,
+    planted: &Planted,
+    rays: &[Ray],
+) -> (Vec<Hit>, Vec<Counts>, Utilization) {
     let n = rays.len();
     assert!(planted.tree.stack <= traversal.stack(), "the stack is deep enough");
     let counting = counting == Counting::Rays;
@@ -42,12 +64,14 @@ fn trace(
     let hits = gpu().buffer("hits", 8 * (n as u64 + 1024)).unwrap();
     let counts = gpu().buffer("counts", 16 * (n as u64 + 1024)).unwrap();
     let queue = gpu().upload("queue", &[Queue { count: n as u32, ..Queue::default() }]).unwrap();
+    let utilization = gpu().upload("SIMD utilization", &[BEFORE]).unwrap();
     let buffers = Buffers {
         rays: ray_buffer.address(),
         hits: hits.address(),
         queue: queue.address(),
         counts: if counting { counts.address() } else { 0 },
         visits: 0,
+        utilization: if counting { utilization.address() } else { 0 },
     };
     let mut pass = Pass::new(gpu()).unwrap();
     pass.fill(&hits, POISON);
@@ -65,7 +89,36 @@ fn trace(
     let counted = if counting { n } else { 0 };
     assert!(all_counts[..counted].iter().all(|c| c.nodes != POISON && c.unused == 0));
     assert!(all_counts[counted..].iter().all(|c| *c == poison), "counts are written by counting kernels");
-    (all[..n].to_vec(), all_counts[..counted].to_vec())
+    let counts = all_counts[..counted].to_vec();
+    let utilization = since(&BEFORE, &utilization.read(0, 1).unwrap()[0]);
+    if counting {
+        assert_fits(&utilization, &counts);
+    }
+    (all[..n].to_vec(), counts, utilization)
+}
+
+/// What was added.
+fn since(before: &Utilization, after: &Utilization) -> Utilization {
+    Utilization {
+        node_steps: after.node_steps - before.node_steps,
+        node_lanes: after.node_lanes - before.node_lanes,
+        triangle_steps: after.triangle_steps - before.triangle_steps,
+        triangle_lanes: after.triangle_lanes - before.triangle_lanes,
+        fetches: after.fetches - before.fetches,
+        fetch_lanes: after.fetch_lanes - before.fetch_lanes,
+    }
+}
+
+/// A lane visits one node a step, tests one triangle a step, and each ray is fetched once.
+fn assert_fits(of_subgroups: &Utilization, of_rays: &[Counts]) {
+    let sum = |of: fn(&Counts) -> u32| of_rays.iter().map(|c| u64::from(of(c))).sum::<u64>();
+    let lanes = [of_subgroups.node_lanes, of_subgroups.triangle_lanes, of_subgroups.fetch_lanes];
+    assert_eq!(lanes, [sum(|c| c.nodes), sum(|c| c.triangles), of_rays.len() as u64], "{of_subgroups:?}");
+    let steps = [of_subgroups.node_steps, of_subgroups.triangle_steps, of_subgroups.fetches];
+    let size = u64::from(gpu().info().subgroup_size);
+    for (steps, lanes) in steps.into_iter().zip(lanes) {
+        assert!((lanes.div_ceil(size)..=lanes).contains(&steps), "{of_subgroups:?}");
+    }
 }
 
 /// Distances agree: to 1e-5 of themselves, and to what single precision can tell about the scene's extent
@@ -408,6 +461,61 @@ fn scheduling_changes_no_distance() {
 }
 
 #[test]
+fn packets_change_no_distance_and_test_what_any_of_their_rays_needs() {
+    // Rays that go anywhere need most of a tree together, so it is small for drivers that end long loops.
+    let scenes = [("scattered", scattered(500, 10.0, 1.0)), ("terrain", terrain(500))].into_iter();
+    for (name, triangles) in scenes.chain(awkward(200)) {
+        // The last packet has few rays; behind those of a triangle each, one meets nothing.
+        let rays = awkward_rays(&triangles, 1_003);
+        for layout in [Layout::Wide4, Layout::Wide6, Layout::Wide8] {
+            let planted = plant(builder_of(layout), &triangles);
+            let alone = traversal(&planted.tree, Counting::Rays);
+            let (want, alone) = trace(alone, Counting::Rays, Wave::Primary, &planted, &rays);
+            for (counting, primary_subgroups, primary_packets) in
+                [(Counting::Rays, 4, 1), (Counting::Nothing, 1, 2), (Counting::Rays, 2, 4)]
+            {
+                let params = Params { primary_packets, primary_subgroups, ..Params::default() };
+                let packets = Traversal::new(gpu(), &params, &planted.tree, counting).unwrap();
+                let (hits, counts) = trace(&packets, counting, Wave::Primary, &planted, &rays);
+                for (i, (hit, want)) in hits.iter().zip(&want).enumerate() {
+                    let what = format!("{name}, {layout:?}, ray {i}");
+                    assert!(agree(hit.t, want.t, &rays[i], 0.0), "{what}: {hit:?}, not {want:?}");
+                }
+                if counting == Counting::Rays {
+                    // The root, and no box that a ray by itself would not look into if its neighbours held its order.
+                    for (i, (count, alone)) in counts.iter().zip(&alone).enumerate() {
+                        assert!(
+                            count.nodes >= 1 && count.boxes + 1 >= count.nodes,
+                            "{name}, ray {i}: {count:?}"
+                        );
+                        assert!(hits[i].t.is_finite() <= (count.triangles > 0), "{name}, ray {i}: {count:?}");
+                        assert!(alone.nodes >= 1);
+                    }
+                }
+            }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn packets_are_refused_where_there_are_none() {
+    let triangles = scattered(100, 10.0, 1.0);
+    let packets = Params { primary_packets: 1, ..Params::default() };
+    let refusal = |layout, params: &Params| {
+        let planted = plant(builder_of(layout), &triangles);
+        Traversal::new(gpu(), params, &planted.tree, Counting::Nothing).unwrap_err()
+    };
+    assert!(matches!(refusal(Layout::Binary, &packets), Error::NoPackets));
+    let slang = Params { language: Language::Slang, ..packets.clone() };
+    if Language::Slang.missing().is_none() {
+        assert!(matches!(refusal(Layout::Wide4, &slang), Error::NoPackets));
+    }
+    let deep = Params { stack: 4096, primary_subgroups: 16, ..packets };
+    assert!(matches!(refusal(Layout::Wide8, &deep), Error::PacketStacks { packets: 16, entries: 4096, .. }));
+}
+
+#[test]
 fn languages_and_techniques_change_no_distance() {
     let triangles = scattered(2000, 10.0, 1.0);
     // Many workgroups of several subgroups, the last of which has few rays.
@@ -473,8 +581,14 @@ fn schedules_and_orders_of_groups_change_no_distance() {
                 ..Params::default()
             };
             let traversal = Traversal::new(gpu(), &params, &planted.tree, Counting::Rays).unwrap();
-            let (hits, counts) = trace(&traversal, Counting::Rays, Wave::Secondary, &planted, &rays);
+            let (hits, counts, utilization) =
+                trace_and_count(&traversal, Counting::Rays, Wave::Secondary, &planted, &rays);
             let what = format!("{order:?}, {groups:?}");
+            if (groups.fetch, groups.n_t) == (Fetch::Inactive, 32) {
+                // Nobody fetches before all lanes are idle.
+                let fewest = rays.len().div_ceil(gpu().info().subgroup_size as usize);
+                assert_eq!(utilization.fetches, fewest as u64, "{what}");
+            }
             for ((ray, hit), want) in rays.iter().zip(&hits).zip(&brute) {
                 assert!(agree(hit.t, want.t, ray, 10.0), "{what}: {ray:?}: {hit:?}, not {want:?}");
             }
@@ -493,6 +607,43 @@ fn schedules_and_orders_of_groups_change_no_distance() {
     let params = Params { groups: too_much, primary_subgroups: 1 << 20, ..Params::default() };
     let error = Traversal::new(gpu(), &params, &planted.tree, Counting::Nothing).unwrap_err().to_string();
     assert!(error.contains("groups.shared_stack"), "{error}");
+    assert_silent();
+}
+
+/// Copies of one ray take every step together, and a ray alone takes every step alone.
+#[test]
+fn utilization_is_whole_for_copies_of_a_ray_and_least_for_one() {
+    let triangles = scattered(2000, 10.0, 1.0);
+    let size = gpu().info().subgroup_size as usize;
+    for &layout in Layout::ALL {
+        let planted = plant(builder_of(layout), &triangles);
+        // Subgroups that wait for each other in one layout, whose kernels are small.
+        let both = [false, true].into_iter().filter(|barrier| !barrier || layout == Layout::Binary);
+        for (language, barrier) in languages_of(layout).flat_map(|l| both.clone().map(move |b| (l, b))) {
+            let technique = Technique { barrier, ..Technique::default() };
+            let in_phases = Params { language, technique, secondary_vote: 0.0, ..Params::default() };
+            let own;
+            let kernels = if barrier {
+                own = Traversal::new(gpu(), &in_phases, &planted.tree, Counting::Rays).unwrap();
+                &own
+            } else {
+                traversal_in(language, &planted.tree, Counting::Rays)
+            };
+            for wave in [Wave::Primary, Wave::Secondary] {
+                let what = format!("{layout:?}, {language:?}, barrier {barrier}, {wave:?}");
+                let count = |rays: &[Ray]| trace_and_count(kernels, Counting::Rays, wave, &planted, rays).2;
+                let ray = towards([-9.0, 1.0, 2.0], [9.0, -2.0, 1.0]);
+                let alone = count(&[ray]);
+                assert!(alone.node_steps > 3 && alone.triangle_steps > 0, "{what}: {alone:?}");
+                let steps = |u: &Utilization| [u.node_steps, u.triangle_steps, u.fetches];
+                let lanes = |u: &Utilization| [u.node_lanes, u.triangle_lanes, u.fetch_lanes];
+                assert_eq!(steps(&alone), lanes(&alone), "{what}");
+                let copies = count(&vec![ray; 100 * size]);
+                assert_eq!(steps(&copies), steps(&alone).map(|n| 100 * n), "{what}");
+                assert_eq!(lanes(&copies), steps(&copies).map(|n| size as u64 * n), "{what}");
+            }
+        }
+    }
     assert_silent();
 }
 

@@ -35,6 +35,7 @@ fn trace(tree: &Tree, wave: Wave, rays: &[Ray]) -> Vec<Hit> {
         queue: queue.address(),
         counts: 0,
         visits: 0,
+        utilization: 0,
     };
     let mut pass = Pass::new(gpu()).unwrap();
     kernels.record(&mut pass, "trace", wave, tree, &buffers, n);

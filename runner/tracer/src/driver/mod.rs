@@ -347,6 +347,7 @@ mod tests {
                     queue: queue.address(),
                     counts: 0,
                     visits: 0,
+                    utilization: 0,
                 };
                 let traced = Rays::launched(&gpu, &params, indirect).unwrap();
                 let mut pass = Pass::new(&gpu).unwrap();

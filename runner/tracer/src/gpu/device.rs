@@ -557,6 +557,7 @@ impl Gpu {
         let mut extensions: Vec<CString> = Vec::new();
         let mut f12 = vk::PhysicalDeviceVulkan12Features::default()
             .buffer_device_address(true)
+            .shader_int8(true)
             .scalar_block_layout(true);
         let mut f13 = vk::PhysicalDeviceVulkan13Features::default()
             .synchronization2(true)

@@ -7,7 +7,7 @@ use crate::{
     contract::VisitCounter,
     gpu::{Buffer, Gpu, Kernel, Pass, groups, shaders},
     scene::{Scene, View},
-    traverse::{Buffers, Counts, Hit, Queue, Ray, Traversal, Tree, Wave},
+    traverse::{Buffers, Counts, Hit, Queue, Ray, Traversal, Tree, Utilization, Wave},
 };
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -225,6 +225,8 @@ pub struct WaveCounts {
     pub boxes: u64,
     /// Triangles tested.
     pub triangles: u64,
+    /// How well the subgroups were used that traced them.
+    pub utilization: Utilization,
 }
 
 /// Everything about one wavefront, read back from the device.
@@ -263,12 +265,13 @@ pub struct PathTracer<'s> {
     image: Buffer,
 }
 
-/// Room for what each ray costs, and for the sums over some of them.
+/// Room for what each ray costs, for the sums over some of them, and for what subgroups count together.
 #[derive(Debug)]
 struct Counting {
     counts: Buffer,
     sums: Buffer,
     sum: Kernel,
+    utilization: Buffer,
 }
 
 impl Counting {
@@ -279,6 +282,7 @@ impl Counting {
             counts: gpu.buffer("ray counters", pixels * size)?,
             sums: gpu.buffer("sums of ray counters", pixels.div_ceil(RAYS_A_SUM as u64) * size)?,
             sum: kernel,
+            utilization: gpu.buffer("SIMD utilization", size_of::<Utilization>() as u64)?,
         })
     }
 
@@ -398,6 +402,7 @@ impl<'s> PathTracer<'s> {
             queue: self.queue(depth),
             counts: self.counting.as_ref().map_or(0, |counting| counting.counts.address()),
             visits: visits.map_or(0, Buffer::address),
+            utilization: self.counting.as_ref().map_or(0, |counting| counting.utilization.address()),
         };
         traversal.record(pass, &format!("trace {depth}"), Wave::at(depth), tree, &buffers, self.pixels());
     }
@@ -550,6 +555,9 @@ impl<'s> PathTracer<'s> {
             if depth == 0 {
                 self.record_generate(&mut pass, camera, sample, 1);
             }
+            if let Some(counting) = &self.counting {
+                pass.fill(&counting.utilization, 0);
+            }
             self.record_trace(&mut pass, traversal, tree, depth, None);
             pass.submit()?;
             let count =
@@ -564,8 +572,8 @@ impl<'s> PathTracer<'s> {
         Ok(())
     }
 
-    /// Traces one path a pixel with a counting traversal and adds up what the rays of each depth cost;
-    /// depths without rays are left out.
+    /// Traces one path a pixel with a counting traversal and adds up what the rays of each depth cost, and
+    /// how well subgroups were used; depths without rays are left out.
     ///
     /// # Errors
     /// The device was lost, or its driver ended a loop.
@@ -591,6 +599,7 @@ impl<'s> PathTracer<'s> {
                     nodes: sum(|c| c.nodes),
                     boxes: sum(|c| c.boxes),
                     triangles: sum(|c| c.triangles),
+                    utilization: counting.utilization.read(0, 1)?[0],
                 });
             }
             Ok(true)

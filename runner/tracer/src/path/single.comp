@@ -116,7 +116,7 @@ void main() {
     wait_for_all(grid, barriers);
 
     Tree tree = Tree(arguments.nodes, arguments.triangles, arguments.indices, Counts(uint64_t(0)), Visits(uint64_t(0)),
-                     arguments.extent);
+                     Utilization(uint64_t(0)), arguments.extent);
     for (uint depth = 0; depth < arguments.depths; depth++) {
         uint now = depth & 1;
         Queue queue = Queue(arguments.queues + 16 * depth);

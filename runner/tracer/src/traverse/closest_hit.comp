@@ -16,9 +16,10 @@ layout(push_constant, scalar) uniform Arguments {
     Queue queue;
     Counts counts;
     Visits visits;
+    Utilization utilization;
     float extent;
 };
 
 void main() {
-    closest_hits(Tree(nodes, triangles, indices, counts, visits, extent), rays, hits, queue);
+    closest_hits(Tree(nodes, triangles, indices, counts, visits, utilization, extent), rays, hits, queue);
 }

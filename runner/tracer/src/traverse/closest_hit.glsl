@@ -2,7 +2,7 @@
 // 4.1 and 4.4). One ray a lane. One source for every layout: `node.glsl` of a layout says how a node's
 // children are tested.
 //
-// Two schedules. In phases, for rays that stay together:
+// Three schedules. As packets, which packet.glsl describes, in phases, for rays that stay together:
 //
 //   until the queue is empty and no lane has a ray:
 //       when few lanes have a ray, idle lanes fetch new ones
@@ -34,7 +34,7 @@ layout(constant_id = 1) const uint STACK_SIZE = 64;
 layout(constant_id = 2) const uint FETCH_BELOW = 20;
 // Loop iterations after which a subgroup leaves, 0 for none: some drivers end loops silently.
 layout(constant_id = 3) const uint QUOTA = 0;
-// What is counted: NOTHING, what each ray costs, or how often each node is visited.
+// What is counted: NOTHING, what rays cost and how well subgroups are used, or how often each node is visited.
 layout(constant_id = 4) const uint COUNT = 0;
 const uint RAYS = 1, VISITS = 2;
 // Lanes that, when no more than these still test triangles, keep theirs postponed while others go on.
@@ -51,10 +51,19 @@ layout(constant_id = 9) const uint HOIST = 0;
 // How rays are tested against triangles, which are stored for that test: `TriangleTest` in traverse/triangle.rs.
 layout(constant_id = 10) const uint TRIANGLE_TEST = 0;
 const uint WATERTIGHT = 0, MOELLER_TRUMBORE = 1, WOOP = 2;
+// Subgroups of a workgroup, where the lanes of each walk the tree together; else 0.
+layout(constant_id = 18) const uint PACKETS = 0;
+// Rays a lane, there.
+layout(constant_id = 20) const uint PACKET_RAYS = 1;
 
 // Per ray: nodes visited, boxes tested, triangles tested, nothing.
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Counts {
     uvec4 items[];
+};
+// Sums over subgroups, `Utilization` in traverse/mod.rs: each is a number of 64 bits as two words, the lower first,
+// because not every device adds 64 bits atomically.
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Utilization {
+    uvec2 items[];
 };
 // Per node, how many rays have visited it.
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Visits {
@@ -73,6 +82,7 @@ struct Tree {
     Indices indices;
     Counts counts;
     Visits visits;
+    Utilization utilization;
     float extent;
 };
 
@@ -86,6 +96,31 @@ Shear aim(vec3 direction) {
 
 uint lanes(bool which) {
     return subgroupBallotBitCount(subgroupBallot(which));
+}
+
+// What a subgroup counts of a kind of step: such steps, and lanes that took part in them. A step without lanes is none.
+uvec2 step_of(uint lanes_in_it) {
+    return uvec2(min(lanes_in_it, 1), lanes_in_it);
+}
+
+void add(Utilization sums, uint at, uint counted) {
+    uint low = atomicAdd(sums.items[at].x, counted);
+    if (low + counted < low) {
+        atomicAdd(sums.items[at].y, 1);
+    }
+}
+
+// A subgroup adds what it has counted to what others have, also in earlier launches over the same queue. Its own share
+// fits 32 bits: few subgroups trace many rays only where each leaves after its QUOTA.
+void add_up(Utilization sums, uvec2 node_steps, uvec2 triangle_steps, uvec2 fetches) {
+    if (subgroupElect()) {
+        add(sums, 0, node_steps.x);
+        add(sums, 1, node_steps.y);
+        add(sums, 2, triangle_steps.x);
+        add(sums, 3, triangle_steps.y);
+        add(sums, 4, fetches.x);
+        add(sums, 5, fetches.y);
+    }
 }
 
 #if defined(LAYOUT_COMPRESSED)
@@ -122,6 +157,15 @@ bool is_leaf(uint child) {
 shared uint leaving[2];
 const uint ALL = 1u << 16;  // more than there are
 
+#if defined(LAYOUT_WIDE)
+#include "intervals.glsl"
+// Keys of a packet's children: at least as many as a node has.
+const uint KEYS = 8;
+// Of packets, a stack a subgroup: a node times ARITY plus the slot of a child, and the child's key.
+const uint PACKET_ENTRIES = PACKETS > 0 ? STACK_SIZE * PACKETS : 1;
+shared uvec2 packet_stack[PACKET_ENTRIES];
+#endif
+
 #define FINISHED (node == NONE && leaf == NONE)
 
 // Closest hits of the rays in a queue, until none is left.
@@ -145,11 +189,19 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     uint nodes_visited = 0;
     uint boxes_tested = 0;
     uint triangles_tested = 0;
+    uvec2 node_steps = uvec2(0);  // these three of the subgroup: steps, and lanes in them
+    uvec2 triangle_steps = uvec2(0);
+    uvec2 fetches = uvec2(0);
     uint finished = 0;
     uint steps = 0;             // loop iterations, for drivers that count them
     bool more = true;           // rays may be left in the queue
     const uint count = queue.count;
 
+#if defined(LAYOUT_WIDE)
+    if (PACKETS != 0) {
+#include "traverse/packet.glsl"
+    } else
+#endif
     if (VOTE == 0) {
         uint turn = 0;
         uint told = 0;
@@ -172,6 +224,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
             // Inner nodes, until every lane with a ray has a leaf or has nothing left.
             while (subgroupAny(is_inner(node) && leaf == NONE)) {
                 steps += NODE_STEPS;
+                if (COUNT == RAYS) {
+                    node_steps += step_of(lanes(is_inner(node)));
+                }
                 if (is_inner(node)) {
 #include "traverse/visit_node.glsl"
                 }
@@ -199,6 +254,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
                     break;
                 }
                 steps++;
+                if (COUNT == RAYS) {
+                    triangle_steps += step_of(testing);
+                }
                 bool uncertain = false;
                 if (leaf != NONE) {
 #include "traverse/test_triangle.glsl"
@@ -228,12 +286,20 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
                 continue;
             }
             bool inner = is_inner(node);
-            if (lanes(inner) * 32 >= lanes(leaf != NONE) * VOTE) {
+            uint visiting = lanes(inner);
+            uint testing = lanes(leaf != NONE);
+            if (visiting * 32 >= testing * VOTE) {
                 steps += NODE_STEPS;
+                if (COUNT == RAYS) {
+                    node_steps += step_of(visiting);
+                }
                 if (inner) {
 #include "traverse/visit_node.glsl"
                 }
             } else {
+                if (COUNT == RAYS) {
+                    triangle_steps += step_of(testing);
+                }
                 bool uncertain = false;
                 if (leaf != NONE) {
 #include "traverse/test_triangle.glsl"
@@ -247,6 +313,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
 #include "traverse/finish.glsl"
     }
 
+    if (COUNT == RAYS) {
+        add_up(tree.utilization, node_steps, triangle_steps, fetches);
+    }
     finished = subgroupAdd(finished);
     if (subgroupElect()) {
         atomicAdd(queue.finished, finished);

@@ -8,6 +8,9 @@ first = subgroupBroadcastFirst(first);
 // Of subgroups that wait for each other, one may have to idle for as long as another works.
 more = first < count && (QUOTA == 0 || steps < QUOTA / (BARRIER == 0 ? 2 : 4));
 uint index = first + subgroupBallotExclusiveBitCount(idle);
+if (COUNT == RAYS) {
+    fetches += step_of(lanes(ray == MISS && index < count));
+}
 if (ray == MISS && index < count) {
     ray = index;
     Ray r = rays.items[index];

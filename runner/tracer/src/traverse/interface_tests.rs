@@ -12,7 +12,8 @@ fn the_shaders_see_memory_as_the_host_does() {
         Module::read(shaders::traverse_closest_hit(layout))
             .assert_push_constants(
                 size_of::<Arguments>(),
-                &fields!(Arguments: rays, hits, nodes, triangles, indices, queue, counts, visits, extent),
+                &fields!(Arguments: rays, hits, nodes, triangles, indices, queue, counts, visits,
+                    utilization, extent),
             )
             .assert_items("Rays", size_of::<Ray>(), Some(&fields!(Ray: origin, t_min, direction, t_max)))
             .assert_items("Hits", size_of::<Hit>(), Some(&fields!(Hit: t, triangle)))
@@ -21,6 +22,7 @@ fn the_shaders_see_memory_as_the_host_does() {
             .assert_items("Indices", 4, None)
             .assert_items("Counts", size_of::<Counts>(), None)
             .assert_items("Visits", 4, None)
+            .assert_items("Utilization", size_of::<u64>(), None)
             .assert_items("Words1", 4, None)
             .assert_items("Words2", 8, None)
             .assert_items("Words4", 16, None)

@@ -75,8 +75,29 @@ pub struct Counts {
     pub unused: u32,
 }
 
+/// How well the subgroups that traced a wavefront were used: what they executed, and in how many lanes each time. Over
+/// the size of a subgroup, lanes of a step are the SIMD utilization of Ylitie et al. 2017 (tables 7 and 10).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Utilization {
+    /// Steps in which lanes visited a node.
+    pub node_steps: u64,
+    /// Lanes that did, over all these steps.
+    pub node_lanes: u64,
+    /// Steps in which lanes tested a triangle.
+    pub triangle_steps: u64,
+    /// Lanes that did.
+    pub triangle_lanes: u64,
+    /// Steps in which lanes fetched a ray and made it ready; those that found the queue empty are none.
+    pub fetches: u64,
+    /// Lanes that did.
+    pub fetch_lanes: u64,
+}
+
 const _: () = assert!(size_of::<Ray>() == 32 && std::mem::offset_of!(Ray, direction) == 16);
 const _: () = assert!(size_of::<Hit>() == 8 && size_of::<Queue>() == 16 && size_of::<Counts>() == 16);
+// Kernels have 64 bits as two words.
+const _: () = assert!(size_of::<Utilization>() == 6 * 8 && cfg!(target_endian = "little"));
 
 /// How traversal is launched and scheduled.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -101,6 +122,12 @@ pub struct Params {
     pub primary_vote: f32,
     /// Schedule of secondary rays, which part sooner and gain from votes.
     pub secondary_vote: f32,
+    /// How many primary rays a lane takes where the lanes of a subgroup walk the tree together, in place of either
+    /// schedule; 0 where they do not. In GLSL and wide layouts that are not quantized, of no more children than a
+    /// subgroup has lanes.
+    pub primary_packets: u32,
+    /// Temporary.
+    pub experiment: u32,
     /// Entries of the traversal stack; made larger where a tree needs more.
     pub stack: u32,
     /// Whether the stages of a path are launched apart, or are one persistent kernel.
@@ -209,6 +236,8 @@ impl Default for Params {
             postpone_below: 0.25,
             primary_vote: 0.0,
             secondary_vote: 1.0,
+            primary_packets: 0,
+            experiment: 0,
             stack: 64,
             kernels: Kernels::Separate,
             groups: groups::Params::default(),
@@ -271,6 +300,8 @@ pub struct Buffers {
     pub counts: u64,
     /// A u32 for each node; not touched unless the kernels count visits.
     pub visits: u64,
+    /// One [`Utilization`], which is added to; not touched unless the kernels count what rays cost.
+    pub utilization: u64,
 }
 
 #[repr(C)]
@@ -284,6 +315,7 @@ struct Arguments {
     queue: u64,
     counts: u64,
     visits: u64,
+    utilization: u64,
     extent: f32,
     unused: u32,
 }
@@ -294,7 +326,7 @@ pub enum Counting {
     /// Nothing: the fastest, and the one to be timed.
     #[default]
     Nothing,
-    /// What each ray costs: [`Counts`].
+    /// What each ray costs, and how well subgroups are used: [`Counts`] and [`Utilization`].
     Rays,
     /// How often rays visit each node.
     Visits,
@@ -417,6 +449,7 @@ impl Traversal {
             queue: buffers.queue,
             counts: buffers.counts,
             visits: buffers.visits,
+            utilization: buffers.utilization,
             extent: tree.extent,
             unused: 0,
         };
@@ -469,11 +502,27 @@ pub(crate) fn constants(
     if barrier && (vote > 0 || layout.is_compressed()) {
         return Err(Error::BarrierByVote);
     }
+    let packets = params.primary_packets > 0 && wave == Wave::Primary;
+    let wide = matches!(layout, Layout::Wide4 | Layout::Wide6 | Layout::Wide8);
+    let lanes_are_enough = layout.arity() as u32 <= lanes;
+    if packets && !(wide && lanes_are_enough && params.language == Language::Glsl) {
+        return Err(Error::NoPackets);
+    }
+    let (entries, limit) = (stack, gpu.info().shared_memory_bytes);
+    let bytes = params.primary_subgroups.saturating_mul(8 * entries);
+    if packets && bytes > limit {
+        return Err(Error::PacketStacks { packets: params.primary_subgroups, entries, bytes, limit });
+    }
+    let packets = if packets { params.primary_subgroups } else { 0 };
     let [barrier, hoist] = [barrier, hoist].map(u32::from);
     let stride = tree.stride as u32;
     let (counting, test) = (counting as u32, tree.test as u32);
     let of_all = [stack, fetch_below, quota, counting, postpone, stride, vote, barrier, hoist, test];
-    let constants = of_all.into_iter().chain(params.groups.constants(params.order, lanes)).collect();
+    let constants = of_all
+        .into_iter()
+        .chain(params.groups.constants(params.order, lanes))
+        .chain([packets, params.experiment, params.primary_packets.max(1)])
+        .collect();
     Ok((constants, stack / times))
 }
 

@@ -20,6 +20,19 @@ Pair load_pair(uint64_t at) {
                 uintBitsToFloat(load4(at + 32, ALIGN)));
 }
 
+// One child's box.
+void load_box(uint64_t nodes, uint index, uint slot, out vec3 lo, out vec3 hi) {
+    uint64_t at = nodes + uint64_t(index) * STRIDE + 24 * slot;
+    vec2 a = uintBitsToFloat(load2(at, 8)), b = uintBitsToFloat(load2(at + 8, 8)), c = uintBitsToFloat(load2(at + 16, 8));
+    lo = vec3(a, b.x);
+    hi = vec3(b.y, c);
+}
+
+// What one child is.
+uint load_link(uint64_t nodes, uint index, uint slot) {
+    return Words1(nodes + uint64_t(index) * STRIDE + 24 * ARITY + 4 * slot).v[0];
+}
+
 // The children, each with the distance at which the ray enters its box, or infinity where it misses; how
 // many it hits is returned, how many there are is `tested`.
 //

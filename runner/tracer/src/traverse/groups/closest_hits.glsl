@@ -69,6 +69,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     uint nodes_visited = 0;
     uint boxes_tested = 0;
     uint triangles_tested = 0;
+    uvec2 node_steps = uvec2(0);  // these three of the subgroup: steps, and lanes in them
+    uvec2 triangle_steps = uvec2(0);
+    uvec2 fetches = uvec2(0);
     uint finished = 0;
     uint steps = 0;    // loop iterations, for drivers that count them
     int lost = 0;      // turns, since rays were fetched
@@ -89,8 +92,12 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
         if (busy == 0) {
             break;
         }
+        // Of all lanes alike: where it ends `more` or the loop for some lanes only, votes no longer mean the subgroup.
+        steps += NODE_STEPS;
+        if (COUNT == RAYS) {
+            node_steps += step_of(lanes(group.y > IS_NODES));
+        }
         if (group.y > IS_NODES) {
-            steps += NODE_STEPS;
 #include "traverse/groups/visit.glsl"
         } else {
             triangles = group;
@@ -109,6 +116,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
                 break;
             }
             steps++;
+            if (COUNT == RAYS) {
+                triangle_steps += step_of(testing);
+            }
             bool uncertain = false;
             if (triangles.y != 0) {
                 uint index = triangles.x + findLSB(triangles.y);
@@ -134,6 +144,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
         }
     }
 
+    if (COUNT == RAYS) {
+        add_up(tree.utilization, node_steps, triangle_steps, fetches);
+    }
     finished = subgroupAdd(finished);
     if (subgroupElect()) {
         atomicAdd(queue.finished, finished);

@@ -1,0 +1,191 @@
+// Statements of closest_hit.glsl: the lanes of a subgroup take rays together, PACKET of them each, and walk the tree as
+// one, along the union of their ways, for rays that stay together (packets: Wald et al. 2001; their intervals: Boulos et
+// al. 2006).
+//
+//   until the queue is empty:
+//       every lane fetches rays; intervals of origins and inverse directions are found
+//       until the stack is empty:
+//           the box of a node or leaf, which all rays are tested against
+//           where any of them meets it, the boxes of a node's children, a lane each, against the intervals; or the
+//           triangles of a leaf against all rays
+//
+// Where to go next is the same for all lanes, so that no lane waits for another, what is loaded serves all rays, and the
+// stack is in shared memory once. A ray is tested against boxes and triangles that only its neighbours need; they cannot
+// give it a wrong hit.
+const uint base = gl_SubgroupID * STACK_SIZE;
+const uint lane = gl_SubgroupInvocationID;
+uint ray_of[PACKET_RAYS];
+vec3 origin_of[PACKET_RAYS];
+float t_min_of[PACKET_RAYS];
+Slab slab_of_[PACKET_RAYS];
+Shear shear_of_[PACKET_RAYS];
+Hit best_of[PACKET_RAYS];
+bool meets[PACKET_RAYS];  // what is visited now
+uvec3 counts_of[PACKET_RAYS];
+while (more) {
+    // For all lanes at once.
+    uint first;
+    if (subgroupElect()) {
+        first = atomicAdd(queue.next, PACKET_RAYS * gl_SubgroupSize);
+    }
+    first = subgroupBroadcastFirst(first);
+    more = first < count && (QUOTA == 0 || steps < QUOTA / 2);
+    if (first >= count) {
+        break;
+    }
+    steps += 8 * PACKET_RAYS + 8;
+    Packet packet = Packet(vec3(INFINITY), vec3(-INFINITY), vec3(INFINITY), vec3(-INFINITY), INFINITY);
+    // The farthest that any ray still looks.
+    float t_max = 0.0;
+    [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
+        uint index = first + r * gl_SubgroupSize + lane;
+        ray_of[r] = MISS;
+        // Of a lane that gets no ray: all boxes are too far away.
+        best_of[r] = Hit(-1.0, MISS);
+        t_min_of[r] = 0.0;
+        origin_of[r] = vec3(0.0);
+        slab_of_[r] = Slab(vec3(0.0), vec3(0.0), vec3(0.0));
+        shear_of_[r] = Shear(vec3(0.0), 0);
+        counts_of[r] = uvec3(0);
+        meets[r] = index < count;
+        if (meets[r]) {
+            Ray its = rays.items[index];
+            ray_of[r] = index;
+            best_of[r] = Hit(min(its.t_max, LARGEST), MISS);
+            t_min_of[r] = its.t_min;
+            origin_of[r] = its.origin;
+            slab_of_[r] = slab_of(its.origin, its.direction, tree.extent, PAD);
+            shear_of_[r] = aim(its.direction);
+            // Twice the pad that a single ray has: one for it, and one for the rounding of what is done with intervals.
+            vec3 pad = max(abs(its.origin), vec3(tree.extent)) * (2.0 * PAD);
+            packet.origin_lo = min(packet.origin_lo, its.origin - pad);
+            packet.origin_hi = max(packet.origin_hi, its.origin + pad);
+            packet.inverse_lo = min(packet.inverse_lo, slab_of_[r].inverse);
+            packet.inverse_hi = max(packet.inverse_hi, slab_of_[r].inverse);
+            packet.t_min = min(packet.t_min, its.t_min);
+            t_max = max(t_max, best_of[r].t);
+        }
+        if (COUNT == RAYS) {
+            fetches += step_of(lanes(meets[r]));
+        }
+    }
+    [[unroll]] for (uint axis = 0; axis < 3; axis++) {
+        packet.origin_lo[axis] = least_of(packet.origin_lo[axis]);
+        packet.origin_hi[axis] = -least_of(-packet.origin_hi[axis]);
+        packet.inverse_lo[axis] = least_of(packet.inverse_lo[axis]);
+        packet.inverse_hi[axis] = -least_of(-packet.inverse_hi[axis]);
+    }
+    packet.t_min = least_of(packet.t_min);
+    t_max = -least_of(-t_max);
+    uint at = 0;  // a node to visit, or NONE
+    uint height = 0;
+    for (;;) {
+        steps += 3;        // with the last, empty rounds of the loops below
+        uint next = NONE;  // the child's node and slot
+        if (at != NONE) {
+            [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
+                if (COUNT == RAYS) {
+                    counts_of[r].x += meets[r] ? 1 : 0;
+                    node_steps += step_of(lanes(meets[r]));
+                }
+                if (COUNT == VISITS) {
+                    if (meets[r]) {
+                        atomicAdd(tree.visits.items[at], 1);
+                    }
+                }
+            }
+            // Its children, a lane each.
+            float t = INFINITY;
+            if (lane < ARITY) {
+                vec3 lo, hi;
+                load_box(tree.nodes, at, lane, lo, hi);
+                t = enter(packet, lo, hi, t_max);
+            }
+            // Distances, which are at least 0, are in the order of the integers that have their bits. The last of these
+            // make way for the lane, and KEYS is added so that 0 stands for none; entering is early by a few units in
+            // the last place.
+            uint key = t < INFINITY ? (floatBitsToUint(t) & ~(KEYS - 1) | lane) + KEYS : 0;
+            // The farthest first.
+            uint met = lanes(key != 0);
+            for (; met > 1; met--) {
+                steps += 2;
+                uint farthest = subgroupMax(key);
+                packet_stack[base + height++] = uvec2(at * ARITY + farthest % KEYS, farthest);
+                key = key == farthest ? 0 : key;
+            }
+            if (met == 1) {
+                next = at * ARITY + subgroupMax(key) % KEYS;
+            }
+            at = NONE;
+        }
+        while (next == NONE && height > 0) {
+            steps++;
+            uvec2 entry = packet_stack[base + --height];
+            if (uintBitsToFloat(entry.y - entry.y % KEYS - KEYS) <= t_max) {
+                next = entry.x;
+            }
+        }
+        if (next == NONE || (QUOTA != 0 && steps > QUOTA)) {
+            break;
+        }
+        // Drivers that keep what is uniform in registers of a kind of its own know it from this.
+        next = subgroupBroadcastFirst(next);
+        uint parent = next / ARITY, slot = next % ARITY;
+        vec3 lo, hi;
+        load_box(tree.nodes, parent, slot, lo, hi);
+        uint child = load_link(tree.nodes, parent, slot);
+        steps += 4 * PACKET_RAYS + 4;
+        bool any_meets = false;
+        [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
+            meets[r] = enter(slab_of_[r], lo, hi, t_min_of[r], best_of[r].t) < INFINITY;
+            any_meets = any_meets || meets[r];
+            if (COUNT == RAYS) {
+                counts_of[r].y++;
+            }
+        }
+        if (!subgroupAny(any_meets)) {
+            continue;
+        }
+        if (is_inner(child)) {
+            at = child;
+            continue;
+        }
+        uint last = (child & 0x7FFFFFFu) + (child >> 27 & 15);
+        for (uint index = child & 0x7FFFFFFu; index <= last; index++) {
+            steps += 1 + PACKET_RAYS;
+            [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
+                uint ray = ray_of[r];
+                vec3 origin = origin_of[r];
+                float t_min = t_min_of[r];
+                Shear shear = shear_of_[r];
+                Hit best = best_of[r];
+                uint triangles_tested = counts_of[r].z;
+                bool uncertain = false;
+#include "traverse/meet_triangle.glsl"
+                best_of[r] = best;
+                counts_of[r].z = triangles_tested;
+                if (COUNT == RAYS) {
+                    triangle_steps += step_of(lanes(ray != MISS));
+                }
+                if (QUOTA != 0) {
+                    steps += subgroupAny(uncertain) ? 3 : 0;  // the loop in exact_distance
+                }
+            }
+        }
+        t_max = 0.0;
+        [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
+            t_max = max(t_max, best_of[r].t);
+        }
+        t_max = -least_of(-t_max);
+    }
+    if (QUOTA != 0 && steps > QUOTA) {
+        break;
+    }
+    node = NONE;
+    [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
+        uint ray = ray_of[r];
+        Hit best = best_of[r];
+        uint nodes_visited = counts_of[r].x, boxes_tested = counts_of[r].y, triangles_tested = counts_of[r].z;
+#include "traverse/finish.glsl"
+    }
+}
