@@ -13,7 +13,8 @@ use std::path::PathBuf;
 /// What was asked for goes to stdout, remarks and progress go to stderr. An option that is given twice has its
 /// last value.
 ///
-/// Exit status: 0 done, 1 failed, 2 usage, 130 interrupted (what was measured until then is kept).
+/// Exit status: 0 done, 1 failed, 2 usage, 3 a variant that was asked for by name is unavailable on the device (all
+/// else is done), 130 interrupted (what was measured until then is kept).
 #[derive(Debug, Parser)]
 #[command(
     version,
@@ -28,6 +29,9 @@ pub struct Cli {
     #[command(flatten)]
     pub global: Global,
 }
+
+/// The exit status where a variant that was asked for by name is unavailable on the device.
+pub const UNAVAILABLE: u8 = 3;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -45,6 +49,7 @@ Examples:
   runner run bistro_exterior --set collapse.c_t=3 --set ploc.radius=16
   runner run forest --variant all -o out/all.json
   runner run sponza --variant 'Wide8*' --method replay -o out/bounces.json
+  runner run sponza --variant Binary --variant Driver --set driver.build=fast-build -o out/driver.json
   runner run city --variant 'Wide4*' --set cbtc.threshold=16 --set cbtc.subsampling=100";
 
 const SWEEP_EXAMPLES: &str = "\
@@ -86,12 +91,19 @@ const TRACE_EXAMPLES: &str = "\
 Examples:
   runner trace out/city.rays --scene city --launches 20 --hits out/again.hits";
 
+const ROOFLINE_EXAMPLES: &str = "\
+Examples:
+  runner roofline --quick
+  runner roofline -o out/roofline.json
+  compare markdown out/record.json --table roofline --roofline out/roofline.json";
+
 const VALIDATE_EXAMPLES: &str = "\
 Examples:
   runner validate sponza --variant 'Wide6 Quantized CBTC'
   runner validate path/to/scene.glb --views 0-3 --brute-force 10000
 
-Exit status: 0 everything holds, 1 something does not, or could not be checked.";
+Exit status: 0 everything holds, 1 something does not, or could not be checked, 3 a variant that was asked for by name
+is unavailable on the device.";
 
 /// What every command understands.
 #[derive(Clone, Debug, Args)]
@@ -184,6 +196,13 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Measure what the device can do at best: copy memory, read nodes at random, compute
+    ///
+    /// These are the roofs below which every traversal stays. Each kernel's results are held against the CPU's, and the
+    /// median of several launches counts. `compare markdown RECORD --table roofline --roofline FILE.json` says how near
+    /// to them the variants of a record come.
+    #[command(after_help = ROOFLINE_EXAMPLES)]
+    Roofline(Roofline),
     /// Print the JSON Schema of the record
     Schema,
     /// Help with configs, the files that describe experiments
@@ -278,6 +297,20 @@ pub struct Sweep {
     /// Put this computer's name into the record
     #[arg(long)]
     pub host_name: bool,
+}
+
+/// What `roofline` measures.
+#[derive(Debug, Args)]
+pub struct Roofline {
+    /// Fewer sizes and fewer launches: a few seconds, also on a CPU driver
+    #[arg(long)]
+    pub quick: bool,
+    /// Where it goes, for `compare`
+    #[arg(short, long, value_name = "FILE.json")]
+    pub output: Option<PathBuf>,
+    /// Print JSON instead of tables
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// What `merge` joins.

@@ -46,7 +46,8 @@ impl<'a> Shots<'a> {
                 Some(loaded.wavefronts(&session.gpu, &seen, || {
                     let mut bounces = Vec::new();
                     let mut failed = None;
-                    // A traversal that counts meets the same rays, and is there whichever kernels are timed.
+                    // A traversal that counts, or would if the driver told, meets the same rays, and is there whichever
+                    // kernels are timed.
                     tracer.wavefronts(&kernels.counting, tree, camera, 0, |wave| {
                         if !wave.rays.is_empty() {
                             match TraceMemory::new(&session.gpu, &wave.rays) {

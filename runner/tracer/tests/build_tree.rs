@@ -58,7 +58,7 @@ impl<'a> Collapsed<'a> {
         what: &str,
     ) -> WideBvh {
         let BuildParams { contract: params, layout: stored, .. } = params;
-        let layout = to.tree(&report.summary, 0.0).layout;
+        let layout = to.tree(&report.summary, 0.0).layout.expect("a layout of ours");
         let what = format!("{what}, {layout:?}");
         let wide = to.read_wide(report.summary.nodes as usize).unwrap();
         assert_eq!(
@@ -126,7 +126,7 @@ fn check(builder: &Builder, workspace: &BuildWorkspace, triangles: &[Triangle], 
     assert!(read.subtrees == subtrees, "{what}: subtrees differ from the twin's");
     read.check(&workspace.wide, &report, params, None, what);
 
-    let layout = workspace.wide.tree(&report.summary, 0.0).layout;
+    let layout = workspace.wide.tree(&report.summary, 0.0).layout.expect("a layout of ours");
     if let (Layout::Binary, Some(root)) = (layout, subtrees.last()) {
         // The collapse knows what its tree costs; its sums are in single precision and in the scene's scale.
         let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();

@@ -391,7 +391,7 @@ fn each_ray_is_finished_once_however_many_there_are() {
     let twin = &planted.twin;
     let want: Vec<Hit> = rays.par_iter().map(|ray| twin(ray).0).collect();
     for wave in [Wave::Primary, Wave::Secondary] {
-        let size = kernels.kernel(wave).workgroup_size() as usize;
+        let size = kernels.kernel(wave).unwrap().workgroup_size() as usize;
         let lanes = gpu().info().subgroup_size as usize;
         let mut sizes = vec![0, 1, 2, 65_537];
         for around in [lanes, size, 2 * size, 8 * size] {
