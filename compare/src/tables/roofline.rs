@@ -50,13 +50,18 @@ fn table(source: &Shown, roofline: &Roofline) -> anyhow::Result<Table> {
                     Cell::number(met(|met| met.triangles), 1),
                     Cell::number(found.map(|found| found.bytes), 0),
                 ];
+                let lanes = found
+                    .map_or([None; 2], |found| found.lanes)
+                    .map(|share| Cell::number(share.map(|share| 100.0 * share), 0));
                 let shares = shares.map(|share| {
                     let cell = Cell::number(share.map(|share| 100.0 * share), 1);
                     cell.with_if(share.is_some_and(|share| share >= nearest), Emphasis::Best)
                 });
                 let first = rows.is_empty();
                 let apart = !first && rays == Rays::Primary;
-                rows.push(Row::new(head.into_iter().chain(own).chain(shares).collect()).apart(apart));
+                rows.push(
+                    Row::new(head.into_iter().chain(own).chain(lanes).chain(shares).collect()).apart(apart),
+                );
             }
         }
     }
@@ -66,6 +71,7 @@ fn table(source: &Shown, roofline: &Roofline) -> anyhow::Result<Table> {
         |entry| format!("{} on {}", named(entry), source.place(entry)),
     );
     let heads = ["Nodes", "Boxes", "Triangles", "Bytes"].map(|head| Column::numbers(head).within("Per ray"));
+    let lanes = ["Nodes", "Triangles"].map(|head| Column::numbers(head).within("Lanes in a step (%)"));
     let limits = Limit::ALL.map(|limit| Column::numbers(limit.name()).within("Share of the limit (%)"));
     Ok(Table {
         name: "roofline".to_owned(),
@@ -84,6 +90,7 @@ fn table(source: &Shown, roofline: &Roofline) -> anyhow::Result<Table> {
         ]
         .into_iter()
         .chain(heads)
+        .chain(lanes)
         .chain(limits)
         .collect(),
         rows,

@@ -39,11 +39,16 @@ struct WideNode {
     uint size[ARITY];   // triangles of a leaf less one, 0 for a node
 };
 
-// What stands in an absent slot: a point at infinity, which every slab test misses, whichever way the ray
-// goes, while a box with lo > hi would be hit by those that sort the two planes.
+// What stands in an absent slot, for every slab test to miss, whichever way the ray goes: a box without inside for those
+// that know from the ray's signs which plane is met first, and a point at infinity for those that sort the two.
 Box absent() {
+#if defined(LAYOUT_BINARY)
+    vec3 largest = vec3(uintBitsToFloat(0x7f7fffff));
+    return Box(largest, -largest);
+#else
     vec3 infinity = vec3(uintBitsToFloat(0x7f800000));
     return Box(infinity, infinity);
+#endif
 }
 
 // See layout/binary/mod.rs.
