@@ -20,6 +20,7 @@ pub fn repetition(report: &BuildReport) -> Repetition {
         ("morton", took.morton),
         ("sort", took.sort),
         ("ploc", took.ploc),
+        ("hploc", took.hploc),
         ("collapse", took.collapse),
         ("contract", took.contract),
         ("layout", took.layout),
