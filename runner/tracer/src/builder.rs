@@ -166,6 +166,7 @@ struct ClusteringBuffers {
 }
 
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "a workspace has one")]
 enum MethodBuffers {
     Ploc(PlocBuffers),
     Hploc(HplocBuffers),
