@@ -455,7 +455,7 @@ impl Builder {
                     true,
                 );
             });
-            timings.spans.extend(pass.submit()?.spans);
+            timings.extend(pass.submit()?);
             let header = workspace.tree.header()?;
             let complete = header.count > 0 || count == 1;
             if complete && Some(header.tail) <= recorded.levels {
@@ -527,7 +527,7 @@ impl Builder {
             self.widen.record(pass, workspace, &workspace.wide, input, source, true);
         });
         let mut timings = Timings::default();
-        timings.spans.extend(pass.submit()?.spans);
+        timings.extend(pass.submit()?);
         let progress = self.widen.finish(workspace, &workspace.wide, input, source, &mut timings)?;
         Ok(BuildReport {
             summary: Summary::of(&progress, &workspace.tree.header()?),
@@ -620,7 +620,7 @@ impl Widen {
         pass.time_dispatches(false);
         let source = Source { visits, large: dispatches.levels };
         pass.scope("build", |pass| self.record(pass, from, to, input, source, true));
-        timings.spans.extend(pass.submit()?.spans);
+        timings.extend(pass.submit()?);
         let progress = self.finish(from, to, input, source, &mut timings)?;
         let header = from.tree.header()?;
         Ok(BuildReport {
@@ -683,7 +683,7 @@ impl Widen {
             let mut pass = Pass::new(&self.gpu)?;
             pass.time_dispatches(false);
             pass.scope("build", |pass| self.record(pass, from, to, input, source, false));
-            timings.spans.extend(pass.submit()?.spans);
+            timings.extend(pass.submit()?);
         }
     }
 }
