@@ -24,6 +24,8 @@ pub struct Params {
     pub sbvh: tracer::sbvh::SbvhParams,
     /// Morton codes.
     pub morton: tracer::morton::MortonParams,
+    /// Sorting of the codes.
+    pub sort: tracer::sort::SortParams,
     /// Clustering.
     pub ploc: tracer::ploc::PlocParams,
     /// Clustering in a single launch.
@@ -142,6 +144,7 @@ impl Params {
         BuildParams {
             method: self.build.method,
             morton: self.morton.clone(),
+            sort: self.sort.clone(),
             ploc: self.ploc.clone(),
             hploc: self.hploc.clone(),
             collapse: self.collapse.clone(),
@@ -221,6 +224,7 @@ impl Params {
     fn check(&self) -> anyhow::Result<()> {
         let ranges = [
             ("morton.bits", f64::from(self.morton.bits), 1.0..=21.0),
+            ("sort.keys", f64::from(self.sort.keys), 1.0..=16.0),
             ("ploc.radius", f64::from(self.ploc.radius), 1.0..=64.0),
             ("hploc.radius", f64::from(self.hploc.radius), 1.0..=64.0),
             ("hploc.window", f64::from(self.hploc.window), 4.0..=64.0),

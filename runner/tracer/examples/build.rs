@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! cargo run --release -p tracer --example build -- SCENE… [method=ploc,hploc] [layout=binary,wide4] [bits=16,21]
-//!     [radius=8,16] [window=32] [form=levels] [repeat=10] [kernels]
+//!     [radius=8,16] [window=32] [keys=16] [form=levels] [repeat=10] [kernels]
 //! ```
 
 use std::collections::BTreeMap;
@@ -20,8 +20,13 @@ use tracer::{
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut scenes = Vec::new();
-    let mut lists =
-        BTreeMap::from([("bits", vec![]), ("radius", vec![]), ("window", vec![]), ("repeat", vec![10])]);
+    let mut lists = BTreeMap::from([
+        ("bits", vec![]),
+        ("radius", vec![]),
+        ("window", vec![]),
+        ("keys", vec![16]),
+        ("repeat", vec![10]),
+    ]);
     let mut layouts = vec![Layout::Binary];
     let mut methods = vec![Method::Ploc];
     let mut form = Form::Auto;
@@ -112,6 +117,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             params.morton.bits = bits;
             params.ploc.radius = radius;
             params.hploc = HplocParams { radius, window };
+            params.sort.keys = lists["keys"][0];
             params.contract.form = form;
             let builder = Builder::new(&gpu, &params, layout)?;
             let workspace = builder.workspace(count)?;

@@ -25,7 +25,7 @@ use crate::{
     layout::{self, Encode, Layout, LayoutBuffers, LayoutParams, NodeLayout},
     morton::{BOUNDS_BYTES, Morton, MortonParams, SceneBounds},
     ploc::{Ploc, PlocBuffers, PlocParams},
-    sort::{Sort, SortBuffers},
+    sort::{Sort, SortBuffers, SortParams},
     traverse::{Tree, TriangleParams, groups::STACK_PER_NODE},
 };
 use serde::{Deserialize, Serialize};
@@ -39,6 +39,8 @@ pub struct BuildParams {
     pub method: Method,
     /// The curve that triangles are sorted along.
     pub morton: MortonParams,
+    /// The sorting along it.
+    pub sort: SortParams,
     /// The clustering.
     pub ploc: PlocParams,
     /// The clustering in a single launch.
@@ -307,7 +309,8 @@ impl Builder {
             }
             Method::Sbvh => None,
         };
-        let clustering = |method| Ok::<_, Error>(Clustering { sort: Sort::new(gpu, words)?, method });
+        let clustering =
+            |method| Ok::<_, Error>(Clustering { sort: Sort::new(gpu, words, &params.sort)?, method });
         Ok(Self {
             gpu: gpu.clone(),
             params: params.clone(),

@@ -117,40 +117,42 @@ bool goes_right(uint first, uint last) {
     return r.x != l.x ? r.x < l.x : r.y != l.y ? r.y < l.y : r.z < l.z;
 }
 
-// What is to be known of a candidate for the nearest.
-void consider(uint slot, uint other, float area, inout uint best, inout float best_area) {
-    if (area < best_area || (area == best_area && (slot ^ other) < (slot ^ best))) {
-        best = other;
-        best_area = area;
-    }
-}
-
-// The cluster within RADIUS of `slot` with which it makes the smallest box, itself if there is none; of equally good
-// ones that with the smallest slot ^ other, as in ploc.glsl. To be called by all lanes.
+// The cluster within RADIUS of `slot` with which it makes the smallest box, itself if there is none. Of equally good ones
+// the nearer, and of two equally near ones that of the pair that begins at an even slot, or else at the lower one: see
+// hploc/mod.rs. To be called by all lanes.
 uint nearest_cluster(uint base, uint slot, uint now, float scale) {
+    const float INFINITE = uintBitsToFloat(0x7f800000);
     uint best = slot;
     // The largest float: infinite areas never win.
     float best_area = uintBitsToFloat(0x7f7fffff);
-    bool here = slot < now;
     Box box = shared_box(base + min(slot, WINDOW - 1));
-    uint reach = min(RADIUS, now - 1);
-    for (uint distance = 1; distance <= reach; ++distance) {
-        float after = best_area;
-        if (here && slot + distance < now) {
-            after = united(box, shared_box(base + slot + distance), scale);
-        }
-        float before = best_area;
-        if (ROWS == 1) {
-            // A box around two is the same from either side.
-            before = subgroupShuffle(after, (gl_SubgroupInvocationID - distance) & (LANES - 1));
-        } else if (here && slot >= distance) {
-            before = united(box, shared_box(base + slot - distance), scale);
-        }
-        if (here && slot + distance < now) {
-            consider(slot, slot + distance, after, best, best_area);
-        }
-        if (here && slot >= distance) {
-            consider(slot, slot - distance, before, best, best_area);
+    // Eight at a time, because compilers take long over all of a wide radius.
+    for (uint nearer = 0; nearer < RADIUS; nearer += 8) {
+        [[unroll]] for (uint further = 1; further <= 8; ++further) {
+            uint distance = nearer + further;
+            bool within = distance <= RADIUS;
+            float after = INFINITE;
+            if (within && slot + distance < now) {
+                after = united(box, shared_box(base + slot + distance), scale);
+            }
+            float before;
+            if (ROWS == 1) {
+                // A box around two is the same from either side.
+                before = subgroupShuffle(after, (gl_SubgroupInvocationID - distance) & (LANES - 1));
+                before = slot < distance ? INFINITE : before;
+            } else {
+                before = INFINITE;
+                if (within && slot >= distance && slot < now) {
+                    before = united(box, shared_box(base + slot - distance), scale);
+                }
+            }
+            bool even = (slot & distance & 1) < (distance & 1);
+            bool forward = even ? after <= before : after < before;
+            float area = forward ? after : before;
+            if (area < best_area) {
+                best_area = area;
+                best = forward ? slot + distance : slot - distance;
+            }
         }
     }
     return best;

@@ -119,8 +119,13 @@ impl Builder<'_> {
             merged.half_area(self.scale)
         };
         let finite = around.filter(|&other| other != own && area(other) < f32::MAX);
+        // Equally good pairs: the closer one, that which begins at an even place, the first.
+        let tie = |other: usize| {
+            let begin = own.min(other);
+            (own.abs_diff(other), begin % 2, begin)
+        };
         let best = finite.min_by(|&a, &b| {
-            area(a).partial_cmp(&area(b)).expect("areas are numbers").then((own ^ a).cmp(&(own ^ b)))
+            area(a).partial_cmp(&area(b)).expect("areas are numbers").then(tie(a).cmp(&tie(b)))
         });
         best.unwrap_or(own)
     }

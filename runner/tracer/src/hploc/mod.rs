@@ -26,8 +26,9 @@
 //!
 //! We leave the paper in four points. There the window is as wide as a subgroup; here it is a parameter, and a lane has
 //! several of its clusters where subgroups are smaller. Nodes get their places from a counter there, which half a
-//! million small ranges would crowd around. Of equally near neighbours the one with the least `own ^ other` is taken, as
-//! in PLOC, so that rows of identical boxes halve at once. And where a cluster has [`PATIENCE`] levels, the clusters 2k
+//! million small ranges would crowd around. Of neighbours that make boxes of
+//! equal area the nearer is taken, and of two equally near ones that of the pair that begins at an even slot, so that
+//! rows of identical boxes halve at once. And where a cluster has [`PATIENCE`] levels, the clusters 2k
 //! and 2k + 1 of its window merge whatever their boxes, so that no input makes a tree of more than
 //! [`crate::bvh2::MAX_LEVELS`].
 

@@ -8,7 +8,7 @@
 use crate::{
     bvh2::{Aabb, Bvh2Buffers, Triangle},
     contract::WideBuffers,
-    gpu::{Buffer, Error, Gpu, Kernel, Pass, groups, shaders},
+    gpu::{self, Buffer, Error, Gpu, Kernel, Pass, shaders},
     traverse::TriangleTest,
 };
 use bytemuck::{Pod, Zeroable};
@@ -346,7 +346,7 @@ impl Encode {
     pub fn record(&self, pass: &mut Pass, input: &Input<'_>, to: &LayoutBuffers) {
         let Input { tree, wide, triangles, count } = *input;
         // Most of these workgroups find nothing to do, which costs less than another indirect dispatch.
-        let groups = |kernel: &Kernel| groups(wide.capacity(), kernel.workgroup_size()).min(MOST_GROUPS);
+        let groups = |kernel: &Kernel| gpu::groups(wide.capacity(), kernel.workgroup_size()).min(MOST_GROUPS);
         let arranged = to.arranged.as_ref().map_or(0, Buffer::address);
         if let Some(arrange) = &self.arrange {
             let push = ArrangePush {
@@ -375,7 +375,9 @@ impl Encode {
             leaves: u32::try_from(count).expect("at most MAX_TRIANGLES"),
             arity: self.layout.arity() as u32,
         };
-        pass.dispatch("triangles", &self.triangles, &push, groups(&self.triangles));
+        let leaves = self.layout.arity() * wide.capacity();
+        let groups = gpu::groups(leaves, self.triangles.workgroup_size()).min(MOST_GROUPS);
+        pass.dispatch("triangles", &self.triangles, &push, groups);
     }
 }
 
