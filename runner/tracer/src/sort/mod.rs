@@ -31,14 +31,15 @@ const MAX_TILE: u32 = 4096;
 #[serde(default, deny_unknown_fields)]
 pub struct SortParams {
     /// Keys that an invocation takes at a time, 1 to 16. More make larger tiles, whose runs of equal digits are longer;
-    /// fewer make more tiles, of which a small scene has too few to fill a device. What does not fit into shared memory
+    /// fewer make more tiles, of which a small scene has too few to fill a device. On an H100 12 take 0.24 ms for the
+    /// 2.5 million triangles of bistro_exterior, 8 and 16 take 0.26 and 0.31 ms. What does not fit into shared memory
     /// is cut.
     pub keys: u32,
 }
 
 impl Default for SortParams {
     fn default() -> Self {
-        Self { keys: 16 }
+        Self { keys: 12 }
     }
 }
 
