@@ -20,17 +20,19 @@ pub fn repetition(report: &BuildReport) -> Repetition {
         ("morton", took.morton),
         ("sort", took.sort),
         ("ploc", took.ploc),
+        ("hploc", took.hploc),
         ("collapse", took.collapse),
         ("contract", took.contract),
         ("layout", took.layout),
     ]);
-    Repetition { milliseconds: took.total, phases }
+    Repetition { milliseconds: took.total, phases, launches: Some(report.timings.launches) }
 }
 
 /// One build by the driver.
 pub fn by_driver(took: &driver::Milliseconds) -> Repetition {
     Repetition {
         milliseconds: took.total,
+        launches: None,
         phases: phases(&[("bottom", took.bottom), ("compact", took.compact), ("top", took.top)]),
     }
 }

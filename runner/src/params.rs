@@ -24,8 +24,12 @@ pub struct Params {
     pub sbvh: tracer::sbvh::SbvhParams,
     /// Morton codes.
     pub morton: tracer::morton::MortonParams,
+    /// Sorting of the codes.
+    pub sort: tracer::sort::SortParams,
     /// Clustering.
     pub ploc: tracer::ploc::PlocParams,
+    /// Clustering in a single launch.
+    pub hploc: tracer::hploc::HplocParams,
     /// Merging of leaves.
     pub collapse: tracer::collapse::CollapseParams,
     /// Which boxes share a node.
@@ -54,7 +58,7 @@ pub struct Params {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Build {
-    /// `ploc` on the device, or `sbvh` on the CPU.
+    /// `ploc` or `hploc` on the device, or `sbvh` on the CPU.
     pub method: tracer::builder::Method,
 }
 
@@ -140,7 +144,9 @@ impl Params {
         BuildParams {
             method: self.build.method,
             morton: self.morton.clone(),
+            sort: self.sort.clone(),
             ploc: self.ploc.clone(),
+            hploc: self.hploc.clone(),
             collapse: self.collapse.clone(),
             contract: ContractParams { method, alpha, form, numbering, c_node, c_prim, p_max },
             layout: LayoutParams { assignment: self.order.assignment, ..self.layout.clone() },
@@ -218,7 +224,10 @@ impl Params {
     fn check(&self) -> anyhow::Result<()> {
         let ranges = [
             ("morton.bits", f64::from(self.morton.bits), 1.0..=21.0),
+            ("sort.keys", f64::from(self.sort.keys), 1.0..=16.0),
             ("ploc.radius", f64::from(self.ploc.radius), 1.0..=64.0),
+            ("hploc.radius", f64::from(self.hploc.radius), 1.0..=64.0),
+            ("hploc.window", f64::from(self.hploc.window), 4.0..=64.0),
             ("collapse.c_t", f64::from(self.collapse.traversal_cost), 0.0..=1e9),
             ("collapse.c_i", f64::from(self.collapse.intersection_cost), 0.0..=1e9),
             ("collapse.max_leaf", f64::from(self.collapse.max_leaf), 1.0..=16.0),
@@ -254,6 +263,9 @@ impl Params {
             if !range.contains(&value) {
                 bail!("{name} is from {} to {}, not {value}", range.start(), range.end());
             }
+        }
+        if !self.hploc.window.is_multiple_of(2) {
+            bail!("hploc.window is even, not {}", self.hploc.window);
         }
         let methods = [("by-area", self.contract.by_area, false), ("by-view", self.contract.by_view, true)];
         for (name, method, by_view) in methods {

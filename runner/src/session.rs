@@ -154,7 +154,7 @@ impl Loaded {
         builder: &Builder,
     ) -> anyhow::Result<BuildWorkspace> {
         match params.build.method {
-            Method::Ploc => Ok(builder.workspace(self.device.triangles)?),
+            Method::Ploc | Method::Hploc => Ok(builder.workspace(self.device.triangles)?),
             Method::Sbvh => {
                 let split = self.split(&params.sbvh, session.quiet);
                 let workspace = builder.workspace(split.tree.leaves)?;

@@ -680,7 +680,7 @@ fn every_config_of_the_project_says_what_it_should() {
             own[0]
         );
     }
-    assert_eq!(files.len(), 18, "{files:?}");
+    assert_eq!(files.len(), 19, "{files:?}");
 }
 
 #[test]

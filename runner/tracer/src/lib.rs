@@ -7,6 +7,7 @@ pub mod collapse;
 pub mod contract;
 pub mod driver;
 pub mod gpu;
+pub mod hploc;
 pub mod layout;
 pub mod measure;
 pub mod morton;
