@@ -101,13 +101,12 @@ pub fn view(global: &Global, arguments: &Arguments) -> anyhow::Result<()> {
     for &variant in &variants {
         Params::with(variant, &arguments.tuning.set)?;
     }
-    let events = match EventLoop::new() {
+    let events = match keys_can_be_read().and_then(|()| EventLoop::new().map_err(|e| why_no_window(&e))) {
         Ok(events) => events,
-        Err(error) => bail!(
-            "no window can be opened: {}. Log in to a desktop, let `ssh -X` bring its windows to yours, or try \
-             `xvfb-run -a`; without a window there are `runner render {1} -o out/picture.png` for pictures and \
-             `runner run {1}` for numbers",
-            why_no_window(&error),
+        Err(why) => bail!(
+            "no window can be opened: {why}. Log in to a desktop, let `ssh -X` bring its windows to yours, or try \
+             `xvfb-run -a`; without a window there are `runner render {0} -o out/picture.png` for pictures and \
+             `runner run {0}` for numbers",
             arguments.scene
         ),
     };
@@ -165,6 +164,20 @@ pub fn view(global: &Global, arguments: &Arguments) -> anyhow::Result<()> {
         std::process::exit(130);
     }
     available.finish(&session.gpu)
+}
+
+/// Whether the libraries are there by which keys are read.
+#[cfg(target_os = "linux")]
+fn keys_can_be_read() -> Result<(), String> {
+    match (xkbcommon_dl::xkbcommon_option(), xkbcommon_dl::x11::xkbcommon_x11_option()) {
+        (Some(_), Some(_)) => Ok(()),
+        _ => Err("libxkbcommon-x11 is missing (Debian and Ubuntu: apt install libxkbcommon-x11-0)".into()),
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn keys_can_be_read() -> Result<(), String> {
+    Ok(())
 }
 
 /// What keeps windows from being opened, without the place in the library that has found out.

@@ -381,7 +381,15 @@ impl<'a> Looker<'a> {
         let samples = self.stage.samples();
         let mut lines = vec![
             (INK, format!("{}   {view}   {variant}", self.scene)),
-            (FAINT, format!("{what}   {samples} samples   {}×{}   {motion}", self.size.0, self.size.1)),
+            (
+                FAINT,
+                format!(
+                    "{what}   {samples} {}   {}×{}   {motion}",
+                    if samples == 1 { "sample" } else { "samples" },
+                    self.size.0,
+                    self.size.1
+                ),
+            ),
         ];
         if let Some(benchmark) = &self.benchmark {
             lines.push((INK, benchmark.progress()));
