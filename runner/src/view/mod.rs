@@ -30,7 +30,7 @@ use crate::{
 use anyhow::{Context, bail};
 use benchmark::{Benchmark, Limit};
 use clap::Args;
-use stage::{Builds, Integrator, Shown, Stage};
+use stage::{Builds, Stage};
 use std::path::{Path, PathBuf};
 use tracer::path;
 use window::Looker;
@@ -145,7 +145,7 @@ pub fn view(global: &Global, arguments: &Arguments) -> anyhow::Result<()> {
         (loaded.scene.name.clone(), loaded.scene.views.clone(), first),
         available.there.clone(),
         (size, arguments.depth, arguments.exposure),
-        arguments.heatmap.map_or(Shown::Light(Integrator::default()), Shown::Cost),
+        arguments.heatmap,
         arguments.benchmark.map(|limit| Benchmark::new(&session, limit, size, &path)),
     );
     if looker.is_blind() {

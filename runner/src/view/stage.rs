@@ -18,7 +18,7 @@ use tracer::{
     traverse::Tree,
 };
 
-/// How light is found along rays. One that is added here gets a key in `keys`, and its kernels in [`Stage::frame`].
+/// How light is found along rays. A second one gets a key in `keys`, and its kernels in [`Stage::frame`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Integrator {
     /// Paths that bounce off surfaces until they meet light.
@@ -44,15 +44,9 @@ pub enum Shown {
     Cost(Heatmap),
 }
 
-impl Shown {
-    /// Everything that can be shown, in the order of the key that goes through it.
-    pub const ALL: [Self; 4] = [
-        Self::Light(Integrator::Paths),
-        Self::Cost(Heatmap::Nodes),
-        Self::Cost(Heatmap::Boxes),
-        Self::Cost(Heatmap::Triangles),
-    ];
-}
+/// Light, and then all heat maps, in the order of the key that goes through them.
+pub const HEAT_MAPS: [Option<Heatmap>; 4] =
+    [None, Some(Heatmap::Nodes), Some(Heatmap::Boxes), Some(Heatmap::Triangles)];
 
 /// All that a picture depends on, so that one that differs in anything begins anew.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,6 +83,11 @@ impl<S: PartialEq + Copy> Progress<S> {
     /// The picture is spoilt: whatever comes next begins anew.
     pub fn spoil(&mut self) {
         self.of = None;
+    }
+
+    /// Whether there is no picture that anybody should see.
+    pub fn is_spoilt(&self) -> bool {
+        self.of.is_none()
     }
 
     /// How many samples a picture has.
@@ -266,6 +265,11 @@ impl<'a> Stage<'a> {
         self.progress.samples()
     }
 
+    /// Whether the picture has to begin anew before anybody sees it.
+    pub fn is_spoilt(&self) -> bool {
+        self.progress.is_spoilt()
+    }
+
     /// The picture so far, and of a heat map its scale.
     ///
     /// # Errors
@@ -376,7 +380,13 @@ mod tests {
             vfov_degrees: 40.0,
         };
         let pose = Pose::of(&view);
-        let shot = Shot { pose, size: (4, 3), depth: 8, variant: Variant::BINARY, shown: Shown::ALL[0] };
+        let shot = Shot {
+            pose,
+            size: (4, 3),
+            depth: 8,
+            variant: Variant::BINARY,
+            shown: Shown::Light(Integrator::Paths),
+        };
         let mut moved = pose;
         moved.orbit(0.1, 0.0);
         let mut progress = Progress::new();
@@ -387,12 +397,16 @@ mod tests {
             Shot { size: (3, 4), ..shot },
             Shot { depth: 7, ..shot },
             Shot { variant: Variant::ALL[2], ..shot },
-            Shot { shown: Shown::ALL[1], ..shot },
+            Shot { shown: Shown::Cost(Heatmap::Nodes), ..shot },
+            Shot { shown: Shown::Cost(Heatmap::Boxes), ..shot },
         ] {
             assert_eq!([progress.next(&other), progress.next(&other)], [0, 1], "{other:?}");
             assert_eq!([progress.next(&shot), progress.next(&shot)], [0, 1], "back from {other:?}");
         }
+        assert!(!progress.is_spoilt());
         progress.spoil();
+        assert!(progress.is_spoilt());
         assert_eq!(progress.next(&shot), 0);
+        assert!(!progress.is_spoilt());
     }
 }

@@ -6,9 +6,10 @@ use super::{
     chart::{self, Entry, FAINT, History, INK, PANEL},
     draw::{self, Area},
     keys::{self, Action, Step},
-    stage::{Shot, Shown, Stage},
+    stage::{HEAT_MAPS, Integrator, Shot, Shown, Stage},
 };
 use crate::{
+    args::Heatmap,
     picture::{Picture, Scale, heat},
     progress::remark,
     session::interrupted,
@@ -89,11 +90,14 @@ pub struct Looker<'a> {
     size: (u32, u32),
     depth: u32,
     exposure: f32,
-    shown: Shown,
+    integrator: Integrator,
+    heatmap: Option<Heatmap>,
     history: History,
     overlay: bool,
     help: bool,
     note: Option<(String, Instant)>,
+    /// Whether to save the next frame: what keys before it have asked for is not there yet.
+    saving: bool,
     benchmark: Option<Benchmark>,
     last_frame: Instant,
     presenter: Option<Presenter>,
@@ -110,7 +114,7 @@ impl<'a> Looker<'a> {
         (scene, views, view): (String, Vec<View>, usize),
         variants: Vec<Variant>,
         (size, depth, exposure): ((u32, u32), u32, f32),
-        shown: Shown,
+        heatmap: Option<Heatmap>,
         benchmark: Option<Benchmark>,
     ) -> Self {
         Self {
@@ -130,11 +134,13 @@ impl<'a> Looker<'a> {
             size,
             depth,
             exposure,
-            shown,
+            integrator: Integrator::default(),
+            heatmap,
             history: History::default(),
             overlay: true,
             help: false,
             note: None,
+            saving: false,
             benchmark,
             last_frame: Instant::now(),
             presenter: None,
@@ -144,9 +150,14 @@ impl<'a> Looker<'a> {
         }
     }
 
+    /// What pixels show.
+    fn shown(&self) -> Shown {
+        self.heatmap.map_or(Shown::Light(self.integrator), Shown::Cost)
+    }
+
     /// Whether the picture is one that the variant has not.
     pub fn is_blind(&self) -> bool {
-        self.stage.variant().is_driver() && matches!(self.shown, Shown::Cost(_))
+        self.stage.variant().is_driver() && self.heatmap.is_some()
     }
 
     /// What came of it: the record, where there was a benchmark.
@@ -207,15 +218,12 @@ impl<'a> Looker<'a> {
                 self.note("the driver does not tell what rays meet in its tree");
             }
             Action::HeatMap(step) => {
-                let now = Shown::ALL.iter().position(|shown| *shown == self.shown).unwrap_or(0);
-                self.shown = Shown::ALL[step.around(now, Shown::ALL.len())];
+                let now = HEAT_MAPS.iter().position(|heatmap| *heatmap == self.heatmap).unwrap_or(0);
+                self.heatmap = HEAT_MAPS[step.around(now, HEAT_MAPS.len())];
             }
             Action::Exposure(Step::On) => self.exposure += 0.5,
             Action::Exposure(Step::Back) => self.exposure -= 0.5,
-            Action::Save => match self.save() {
-                Ok(said) => self.note(said),
-                Err(error) => self.note(format_args!("not saved: {error:#}")),
-            },
+            Action::Save => self.saving = true,
             Action::Chart => self.overlay = !self.overlay,
             Action::Help => self.help = !self.help,
             Action::Quit => events.exit(),
@@ -238,7 +246,7 @@ impl<'a> Looker<'a> {
             Ok(()) => {
                 self.history.clear();
                 if self.is_blind() {
-                    self.shown = Shown::ALL[0];
+                    self.heatmap = None;
                     self.note("the driver does not tell what rays meet in its tree");
                 }
             }
@@ -261,7 +269,7 @@ impl<'a> Looker<'a> {
                 (self.pose.view(&name), path(&name))
             }
         };
-        self.stage.picture_to_keep(self.shown, self.exposure)?.write(&picture)?;
+        self.stage.picture_to_keep(self.shown(), self.exposure)?.write(&picture)?;
         let picture = picture.display();
         if known.is_some() {
             return Ok(format!("picture: {picture}; the view {:?} is the scene's already", view.name));
@@ -277,7 +285,11 @@ impl<'a> Looker<'a> {
 
     /// Whether there is anything to trace.
     fn is_busy(&self) -> bool {
-        self.held.any() || self.turning || self.benchmark.is_some() || self.stage.samples() < ENOUGH
+        self.saving
+            || self.held.any()
+            || self.turning
+            || self.benchmark.is_some()
+            || self.stage.samples() < ENOUGH
     }
 
     /// Moves the camera for the time since the last frame; whether it did.
@@ -306,7 +318,7 @@ impl<'a> Looker<'a> {
             size: self.size,
             depth: self.depth,
             variant: self.stage.variant(),
-            shown: self.shown,
+            shown: self.shown(),
         };
         loop {
             if let Some(sample) = self.stage.frame(&shot, moving)? {
@@ -318,12 +330,22 @@ impl<'a> Looker<'a> {
                     benchmark.add(&mut self.stage, (view.as_deref(), shot.pose), &sample)?;
                     if benchmark.over().is_some() {
                         events.exit();
-                        break;
+                        return Ok(());
                     }
                 }
             }
+            // What a record has to know is counted by rays that leave light in the picture.
+            if self.stage.is_spoilt() {
+                continue;
+            }
             if moving || interrupted() || began.elapsed() >= BETWEEN_FRAMES || !self.is_busy() {
                 break;
+            }
+        }
+        if std::mem::take(&mut self.saving) {
+            match self.save() {
+                Ok(said) => self.note(said),
+                Err(error) => self.note(format_args!("not saved: {error:#}")),
             }
         }
         self.set_title();
@@ -346,7 +368,7 @@ impl<'a> Looker<'a> {
 
     /// The view, the variant, and what pixels show.
     fn in_words(&self) -> [String; 3] {
-        let what = match self.shown {
+        let what = match self.shown() {
             Shown::Light(integrator) => format!("{}, depth {}", integrator.name(), self.depth),
             Shown::Cost(heatmap) => format!("{heatmap:?} of a primary ray").to_lowercase(),
         };
@@ -357,7 +379,7 @@ impl<'a> Looker<'a> {
     /// The frame: the picture, and what is drawn over it.
     fn composed(&self, (width, height): (u32, u32)) -> anyhow::Result<Picture> {
         let (width, height) = (width as usize, height as usize);
-        let (picture, scale) = self.stage.picture(self.shown, self.exposure)?;
+        let (picture, scale) = self.stage.picture(self.shown(), self.exposure)?;
         let mut frame = Picture { width, height, pixels: vec![[0; 3]; width * height] };
         draw::place(&mut frame, &picture);
         let factor = self.window.as_ref().map_or(1.0, |window| window.scale_factor()) as f32;
@@ -514,7 +536,10 @@ impl ApplicationHandler for Looker<'_> {
             window.request_redraw();
             events.set_control_flow(ControlFlow::Poll);
         } else {
-            // Now and then somebody has to look whether Ctrl-C was pressed, or a note has been read.
+            if self.note.take_if(|(_, since)| since.elapsed() >= NOTED).is_some() {
+                window.request_redraw();
+            }
+            // Now and then somebody has to look whether Ctrl-C was pressed, or a note is old.
             let soon = Instant::now() + Duration::from_millis(250);
             events.set_control_flow(ControlFlow::WaitUntil(soon));
         }
