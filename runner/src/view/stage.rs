@@ -110,7 +110,8 @@ pub struct Stage<'a> {
     session: &'a Session,
     loaded: &'a Loaded,
     set: &'a [String],
-    seed: u32,
+    /// What a path is, but for its depth.
+    path: path::Params,
     builds: Builds,
     actor: Actor,
     tracer: PathTracer<'a>,
@@ -191,7 +192,7 @@ impl<'a> Stage<'a> {
             session,
             loaded,
             set,
-            seed: path.seed,
+            path: path.clone(),
             builds,
             actor,
             tracer,
@@ -219,7 +220,7 @@ impl<'a> Stage<'a> {
         debug_assert_eq!(shot.variant, self.actor.variant);
         let (session, loaded) = (self.session, self.loaded);
         if self.room != (shot.size, shot.depth) {
-            let path = path::Params { depth: shot.depth, seed: self.seed };
+            let path = path::Params { depth: shot.depth, ..self.path.clone() };
             self.tracer = PathTracer::new(&session.gpu, &loaded.device, shot.size, &path, true)?;
             self.room = (shot.size, shot.depth);
         }
