@@ -165,6 +165,9 @@ pub enum Command {
     /// Render a picture, or the cost of each pixel
     #[command(after_help = RENDER_EXAMPLES)]
     Render(Render),
+    /// Look around in a scene: a window with the path tracer, and a live chart of its rates
+    #[command(after_help = crate::view::help())]
+    View(crate::view::Arguments),
     /// Write the rays of one wavefront to a file, and what they hit
     #[command(after_help = RAYS_EXAMPLES)]
     Rays(Rays),
@@ -490,6 +493,17 @@ pub enum Heatmap {
     Boxes,
     /// Triangles tested
     Triangles,
+}
+
+impl Heatmap {
+    /// What it shows of the costs of a ray.
+    pub fn of(self, counts: &tracer::traverse::Counts) -> u32 {
+        match self {
+            Self::Nodes => counts.nodes,
+            Self::Boxes => counts.boxes,
+            Self::Triangles => counts.triangles,
+        }
+    }
 }
 
 /// What `rays` writes.

@@ -35,6 +35,7 @@ use tracer::{
     traverse::{Buffers, Counting, Hit, Queue, Ray, Traversal, Tree, Wave},
     with_layout,
 };
+use winit::raw_window_handle::HasDisplayHandle;
 
 /// An open device and where scenes are found.
 pub struct Session {
@@ -440,8 +441,26 @@ impl Session {
     /// No such device, or it cannot run our kernels.
     pub fn open(global: &Global) -> anyhow::Result<Self> {
         let gpu = Gpu::open(&Options { device: selector(global), validate: global.validate })?;
+        Ok(Self::with(gpu, global))
+    }
+
+    /// The same, of a device that can show pictures in windows of a display.
+    ///
+    /// # Errors
+    /// As of [`Session::open`], or the device cannot.
+    pub fn open_for_display(global: &Global, display: impl HasDisplayHandle) -> anyhow::Result<Self> {
+        let options = Options { device: selector(global), validate: global.validate };
+        Ok(Self::with(Gpu::open_for_display(&options, display)?, global))
+    }
+
+    fn with(gpu: Gpu, global: &Global) -> Self {
         remark(global.quiet, format_args!("device {}", gpu.info()));
-        Ok(Self { gpu, quiet: global.quiet, search: SearchPath::new(global.scene_dir.iter().cloned()) })
+        Self { gpu, quiet: global.quiet, search: SearchPath::new(global.scene_dir.iter().cloned()) }
+    }
+
+    /// Where scenes are found.
+    pub fn search(&self) -> &SearchPath {
+        &self.search
     }
 
     /// Those of `variants` that the device has, and the others that `patterns` ask for by name, with why it has not.

@@ -19,6 +19,8 @@ fn runner(folder: &Path, line: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_runner"));
     command.args(line.split_whitespace()).current_dir(folder);
     command.env_remove("BROADLEAF_SCENES").stdin(Stdio::null());
+    // No window is opened by accident.
+    command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
     command
 }
 
@@ -691,4 +693,23 @@ fn a_replay_launches_the_rays_of_each_bounce_ten_times() {
     }
     let single = format!("{line} --method replay --set trace.kernels=single");
     fails(here.path(), &single, 1, &["replay", "trace.kernels"]);
+}
+
+/// With one, `scripts/test-view` looks through it.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_window_needs_a_display() {
+    let folder = folder();
+    let way_out = ["DISPLAY is not set", "xvfb-run", "runner render cornell", "runner run cornell"];
+    fails(folder.path(), "view cornell", 1, &way_out);
+    fails(folder.path(), "view cornell --benchmark 2 -o r.json", 1, &way_out);
+    assert!(!folder.path().join("r.json").exists());
+    // Mistakes are told in any case.
+    fails(folder.path(), "view cornell --variant Wide5", 1, &["Wide5"]);
+    fails(folder.path(), "view cornell --benchmark soon", 2, &["soon", "200f"]);
+    fails(folder.path(), "view cornell -o r.json", 2, &["--benchmark"]);
+    let help = text(&works(folder.path(), "view --help").stdout);
+    for key in ["Page Up", "heat map", "save the picture", "Esc"] {
+        assert!(help.contains(key), "{help}");
+    }
 }

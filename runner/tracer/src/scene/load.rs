@@ -76,7 +76,8 @@ fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
-fn is_path(spec: &str) -> bool {
+/// Whether a spec is a path to a model, and no name.
+pub(super) fn is_path(spec: &str) -> bool {
     matches!(extension(Path::new(spec)).as_str(), "glb" | "gltf" | "obj")
         || spec.contains('/')
         || spec.contains(std::path::MAIN_SEPARATOR)

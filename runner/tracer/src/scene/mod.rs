@@ -14,6 +14,7 @@ mod descriptor;
 mod error;
 mod generate;
 mod gltf;
+mod keep;
 #[cfg(test)]
 mod light_tests;
 mod load;
@@ -27,6 +28,7 @@ pub use catalog::{BuiltIn, built_in};
 pub use descriptor::{Descriptor, Emissive, MaterialKey, Region, Source};
 pub use error::SceneError;
 pub use generate::Generator;
+pub use keep::keep_view;
 pub(crate) use load::hex;
 pub use load::{check, describe, load};
 pub use search::{ENVIRONMENT, SearchPath};
