@@ -44,8 +44,15 @@ Examples:
   runner run city:triangles=1000000,seed=3 --size 1280x720
   runner run bistro_exterior --set collapse.c_t=3 --set ploc.radius=16
   runner run forest --variant all -o out/all.json
+  runner run forest --bvh out/forest.bvh -o out/forest.json
   runner run sponza --variant 'Wide8*' --method replay -o out/bounces.json
   runner run city --variant 'Wide4*' --set cbtc.threshold=16 --set cbtc.subsampling=100";
+
+const PRECOMPUTE_EXAMPLES: &str = "\
+Examples:
+  runner bvh precompute sphereflake -o out/s.bvh
+  runner bvh precompute sponza --build sbvh --set sbvh.alpha=1e-4 -o out/sponza.bvh
+  runner run sponza --bvh out/sponza.bvh --variant 'Wide8*' -o out/sponza.json";
 
 const SWEEP_EXAMPLES: &str = "\
 Examples:
@@ -127,6 +134,9 @@ pub enum Command {
     /// Measure: build each scene's BVH, trace paths from its views, print a table, write a record
     #[command(after_help = RUN_EXAMPLES)]
     Run(Run),
+    /// Work with binary trees (BVHs) in files
+    #[command(subcommand)]
+    Bvh(BvhCommand),
     /// Measure every point of an experiment, so that nothing is lost when it is stopped
     ///
     /// Each finished point is added to a journal at once; the same command goes on where it was stopped. Ctrl-C
@@ -201,6 +211,51 @@ pub enum Command {
     },
 }
 
+/// What `bvh` does.
+#[derive(Debug, Subcommand)]
+pub enum BvhCommand {
+    /// Build a scene's binary tree and store it, for `runner run SCENE --bvh FILE` to start from
+    ///
+    /// The file holds the tree, what it was built by, and hashes of itself and of the scene's triangles: a damaged
+    /// one, or one of another scene, is refused.
+    #[command(after_help = PRECOMPUTE_EXAMPLES)]
+    Precompute(Precompute),
+}
+
+/// What `bvh precompute` builds.
+#[derive(Debug, Args)]
+pub struct Precompute {
+    /// The scene
+    #[arg(value_name = "SCENE")]
+    pub scene: String,
+    /// How the tree is built, the same as `--set build.method=METHOD`; on the device when left out
+    #[arg(long, value_enum, value_name = "METHOD")]
+    pub build: Option<Build>,
+    #[command(flatten)]
+    pub tuning: Tuning,
+    /// Where the tree goes
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+/// How a binary tree is built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Build {
+    /// Clustering along a Morton curve, on the device; parameters morton.* and ploc.*
+    Ploc,
+    /// Spatial splits, on the CPU: better, and slower to build; parameters sbvh.*
+    Sbvh,
+}
+
+impl From<Build> for tracer::builder::Method {
+    fn from(build: Build) -> Self {
+        match build {
+            Build::Ploc => Self::Ploc,
+            Build::Sbvh => Self::Sbvh,
+        }
+    }
+}
+
 /// What `config` does.
 #[derive(Debug, Subcommand)]
 pub enum ConfigCommand {
@@ -217,6 +272,10 @@ pub struct Run {
     /// Variants to measure; `*` stands for anything, `all` for every variant
     #[arg(long, value_name = "NAME", default_value = "Binary")]
     pub variant: Vec<String>,
+    /// Start every variant from the binary tree in this file, which `runner bvh precompute` wrote, instead of building
+    /// one
+    #[arg(long, value_name = "FILE")]
+    pub bvh: Option<PathBuf>,
     /// Views, by number or name, such as `0,3` or `0-3`; all when left out
     #[arg(long, value_name = "LIST")]
     pub views: Option<String>,

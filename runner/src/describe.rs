@@ -8,6 +8,7 @@ use tracer::{
     measure::tree::TreeStats,
     path::WaveCounts,
     scene::{Origin, Scene},
+    treefile::{Made, Recipe},
 };
 
 /// One build.
@@ -15,6 +16,7 @@ pub fn repetition(report: &BuildReport) -> Repetition {
     let took = &report.milliseconds;
     let phases = [
         ("sbvh", took.sbvh),
+        ("adopt", took.adopt),
         ("morton", took.morton),
         ("sort", took.sort),
         ("ploc", took.ploc),
@@ -66,6 +68,20 @@ pub fn count(counts: &WaveCounts, subgroup_size: u32) -> record::Count {
             fetch_lanes: own.fetch_lanes,
         }),
     }
+}
+
+/// A binary tree from a file of that name and hash, which reading and checking took so long.
+pub fn adopted(name: String, sha256: String, made: &Made, read_milliseconds: f64) -> record::Adopted {
+    let mut parameters = record::Parameters::default();
+    let added = match &made.recipe {
+        Recipe::Ploc { morton, ploc } => {
+            parameters.add("morton", morton).and_then(|()| parameters.add("ploc", ploc))
+        }
+        Recipe::Sbvh { sbvh } => parameters.add("sbvh", sbvh),
+    };
+    added.expect("parameters are plain data");
+    let method = made.recipe.method().to_string();
+    record::Adopted { name, sha256, method, parameters, built_seconds: made.seconds, read_milliseconds }
 }
 
 /// A scene.

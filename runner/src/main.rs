@@ -2,6 +2,7 @@
 
 mod args;
 mod best;
+mod bvh;
 mod commands;
 mod config;
 mod describe;
@@ -24,7 +25,7 @@ mod tuned;
 mod validate;
 mod variant;
 
-use args::{Cli, Command, ConfigCommand};
+use args::{BvhCommand, Cli, Command, ConfigCommand};
 use clap::Parser;
 use std::process::ExitCode;
 
@@ -34,6 +35,7 @@ fn main() -> ExitCode {
         Command::Devices { json } => commands::devices(*json),
         Command::Scenes { json } => commands::scenes(&cli.global, *json),
         Command::Run(run) => run::run(&cli.global, run),
+        Command::Bvh(BvhCommand::Precompute(arguments)) => bvh::precompute(&cli.global, arguments),
         Command::Sweep(arguments) => sweep::sweep(&cli.global, arguments),
         Command::Merge(arguments) => sweep::merge(&cli.global, arguments),
         Command::Best(arguments) => best::best(&cli.global, arguments),

@@ -5,10 +5,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use tracer::{
-    builder::BuildParams,
+    builder::{BuildParams, Method},
     contract::{ContractParams, Contraction, Form},
     layout::{Layout, LayoutParams},
     traverse::{Language, Technique},
+    treefile::Recipe,
 };
 
 use crate::variant::Variant;
@@ -52,7 +53,7 @@ pub struct Params {
 #[serde(default, deny_unknown_fields)]
 pub struct Build {
     /// `ploc` on the device, or `sbvh` on the CPU.
-    pub method: tracer::builder::Method,
+    pub method: Method,
 }
 
 /// The order in which the children of a compressed node are visited.
@@ -148,6 +149,29 @@ impl Params {
         };
         let (groups, order) = (self.groups.clone(), self.order.traversal);
         tracer::traverse::Params { language, technique, groups, order, ..self.trace.clone() }
+    }
+
+    /// What the binary tree is made by.
+    pub fn recipe(&self) -> Recipe {
+        match self.build.method {
+            Method::Ploc => Recipe::Ploc { morton: self.morton.clone(), ploc: self.ploc.clone() },
+            Method::Sbvh => Recipe::Sbvh { sbvh: self.sbvh.clone() },
+        }
+    }
+
+    /// Takes over what a binary tree was made by, so that they tell the truth of it.
+    pub fn adopt(&mut self, recipe: &Recipe) {
+        self.build.method = recipe.method();
+        match recipe.clone() {
+            Recipe::Ploc { morton, ploc } => (self.morton, self.ploc) = (morton, ploc),
+            Recipe::Sbvh { sbvh } => self.sbvh = sbvh,
+        }
+    }
+
+    /// Whether an assignment is about how the binary tree is made, so that one from a file has no use for it.
+    pub fn is_of_binary_tree(assignment: &str) -> bool {
+        let stage = assignment.split(['.', '=']).next().unwrap_or_default().trim();
+        ["build", "morton", "ploc", "sbvh"].contains(&stage)
     }
 
     /// Applies assignments such as `collapse.c_t=3`, all or none.
@@ -340,6 +364,20 @@ mod tests {
         assert_eq!(Params::of(wide8).collapse.traversal_cost, 4.0);
         let set = Params::with(wide8, &["collapse.c_t=2".into(), "cbtc.depth-limit=2".into()]).unwrap();
         assert_eq!((set.collapse.traversal_cost, set.cbtc.depth_limit), (2.0, 2));
+    }
+
+    #[test]
+    fn the_recipe_of_a_tree_is_taken_over_whole() {
+        for assignment in ["build.method=sbvh", "ploc.radius=4"] {
+            let set = ["sbvh.alpha=0.5".into(), "morton.bits=12".into(), assignment.into()];
+            let made = Params::with(Variant::BINARY, &set).unwrap().recipe();
+            let mut params = Params::default();
+            params.adopt(&made);
+            assert_eq!(params.recipe(), made);
+            assert!(Params::is_of_binary_tree(assignment));
+        }
+        assert!(Params::is_of_binary_tree("sbvh.alpha=1") && Params::is_of_binary_tree(" morton.bits=9"));
+        assert!(!Params::is_of_binary_tree("collapse.c_t=1") && !Params::is_of_binary_tree("builder=1"));
     }
 
     #[test]

@@ -25,7 +25,23 @@ use tracer::path;
 /// Anything that keeps a scene from being measured; what was measured before is in the record.
 pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     let variants = Variant::select(&run.variant)?;
-    let params: Vec<Params> =
+    if let Some(path) = &run.bvh {
+        anyhow::ensure!(
+            run.scenes.len() == 1,
+            "--bvh {}: a tree is of one scene, and there are {}; run them one by one",
+            path.display(),
+            run.scenes.len()
+        );
+        let of_tree = run.paths.tuning.set.iter().find(|assignment| Params::is_of_binary_tree(assignment));
+        if let Some(assignment) = of_tree {
+            anyhow::bail!(
+                "--set {assignment}: the binary tree is the one in {}, built already; leave one of the two out, or \
+                 give this to `runner bvh precompute`",
+                path.display()
+            );
+        }
+    }
+    let mut params: Vec<Params> =
         variants.iter().map(|&v| Params::with(v, &run.paths.tuning.set)).collect::<anyhow::Result<_>>()?;
     watch_for_interrupts("sample")?;
     let session = Session::open(global)?;
@@ -52,6 +68,14 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
         held,
         counting: true,
     };
+    // The tree says by which parameters it was built, so it is read before they are written down.
+    let mut given = None;
+    if let Some(path) = &run.bvh {
+        let mut loaded = session.load(&run.scenes[0])?;
+        let recipe = loaded.give(path, session.quiet)?.recipe.clone();
+        params.iter_mut().for_each(|params| params.adopt(&recipe));
+        given = Some(loaded);
+    }
     let mut record = begin(&session, &plan, run.host_name);
     record.parameters = params[0].by_name();
 
@@ -61,7 +85,7 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     let mut points_left = (run.scenes.len() * variants.len()) as u64;
     'scenes: for spec in &run.scenes {
         bar.set_message(format!("{spec}: loading"));
-        let loaded = session.load(spec)?;
+        let loaded = given.take().map_or_else(|| session.load(spec), Ok)?;
         let views = loaded.views(run.views.as_deref())?;
         for (&variant, params) in variants.iter().zip(&params) {
             // The time left is an estimate: the scenes to come are taken to have as many views as this one.

@@ -2,14 +2,17 @@
 
 use crate::{
     args::{self, Global},
+    describe,
     params::Params,
     progress::remark,
     table::thousands,
     variant::Variant,
 };
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use std::{
     cell::RefCell,
+    fs,
+    path::Path,
     rc::Rc,
     sync::{
         Arc, OnceLock,
@@ -18,7 +21,9 @@ use std::{
     time::{Duration, Instant},
 };
 use tracer::{
-    builder::{BuildReport, BuildWorkspace, Builder, Method, Summary, WideWorkspace, Widen},
+    builder::{
+        BuildError, BuildParams, BuildReport, BuildWorkspace, Builder, Method, Summary, WideWorkspace, Widen,
+    },
     bvh2::Bvh2,
     contract::{VisitCounter, Visits},
     gpu::{Buffer, Gpu, Options, Pass},
@@ -31,6 +36,7 @@ use tracer::{
     },
     scene::{self, Scene, SearchPath},
     traverse::{Buffers, Counting, Hit, Queue, Ray, Traversal, Tree, Wave},
+    treefile::{self, Recipe},
     with_layout,
 };
 
@@ -45,6 +51,10 @@ pub struct Session {
 pub struct Loaded {
     pub scene: Scene,
     pub device: DeviceScene,
+    /// What the user called it.
+    spec: String,
+    /// The binary tree that a file gave, which all builds start from.
+    given: Option<Given>,
     /// The binary tree that the CPU last made of it, and what it took.
     split: RefCell<Option<Rc<Split>>>,
     /// The rays of views that were collected last; the one used last comes last.
@@ -76,7 +86,16 @@ pub struct Split {
     /// The tree.
     pub tree: Bvh2,
     /// What building it took, in milliseconds.
-    milliseconds: f64,
+    pub milliseconds: f64,
+}
+
+/// A binary tree from a file.
+pub struct Given {
+    tree: Bvh2,
+    /// What it is made by.
+    pub recipe: Recipe,
+    /// The file, in the record's words.
+    pub adopted: record::Adopted,
 }
 
 impl Loaded {
@@ -141,7 +160,55 @@ impl Loaded {
         split
     }
 
-    /// Memory for builds of the scene, with the binary tree in it where that comes from the CPU.
+    /// Lets all builds start from the binary tree in a file.
+    ///
+    /// # Errors
+    /// The file cannot be read, is none of a binary tree, is damaged, or is of another scene.
+    pub fn give(&mut self, path: &Path, quiet: bool) -> anyhow::Result<&Given> {
+        let started = Instant::now();
+        let triangles = &self.scene.positions;
+        let way_out = || {
+            format!(
+                "make one that fits: runner bvh precompute {} -o {}",
+                shell_word(&self.spec),
+                shell_word(&path.to_string_lossy())
+            )
+        };
+        let bytes = fs::read(path)
+            .map_err(|error| anyhow!("cannot read {}: {error}; {}", path.display(), way_out()))?;
+        let (tree, made) = treefile::decode(&bytes, &treefile::content(triangles), triangles.len())
+            .map_err(|fault| anyhow!("{} {fault}; {}", path.display(), way_out()))?;
+        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let sha256 = scene::sha256(&bytes);
+        let read = 1e3 * started.elapsed().as_secs_f64();
+        remark(
+            quiet,
+            format_args!(
+                "{}: a binary tree of {} leaves from {}, built by {}",
+                self.scene.name,
+                thousands(tree.leaves as u64),
+                path.display(),
+                made.recipe.method()
+            ),
+        );
+        let adopted = describe::adopted(name, sha256, &made, read);
+        Ok(self.given.insert(Given { tree, recipe: made.recipe, adopted }))
+    }
+
+    /// The binary tree that a file gave, if one did.
+    pub fn given(&self) -> Option<&Given> {
+        self.given.as_ref()
+    }
+
+    /// Compiles a build, of all stages or of those after the binary tree where that is given.
+    fn builder(&self, gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Builder, BuildError> {
+        match self.given {
+            Some(_) => Builder::adopting(gpu, params, layout),
+            None => Builder::new(gpu, params, layout),
+        }
+    }
+
+    /// Memory for builds of the scene, with the binary tree in it where that comes from a file or the CPU.
     ///
     /// # Errors
     /// Too little memory.
@@ -151,12 +218,18 @@ impl Loaded {
         params: &Params,
         builder: &Builder,
     ) -> anyhow::Result<BuildWorkspace> {
+        if let Some(Given { tree, .. }) = &self.given {
+            let workspace = builder.workspace(tree.leaves)?;
+            workspace.adopt(&session.gpu, tree, self.device.triangles, None)?;
+            return Ok(workspace);
+        }
         match params.build.method {
             Method::Ploc => Ok(builder.workspace(self.device.triangles)?),
             Method::Sbvh => {
                 let split = self.split(&params.sbvh, session.quiet);
                 let workspace = builder.workspace(split.tree.leaves)?;
-                workspace.adopt(&session.gpu, &split.tree, self.device.triangles, split.milliseconds)?;
+                let (tree, made) = (&split.tree, Some(split.milliseconds));
+                workspace.adopt(&session.gpu, tree, self.device.triangles, made)?;
                 Ok(workspace)
             }
         }
@@ -411,7 +484,14 @@ impl Session {
         }
         let device =
             DeviceScene::upload(&self.gpu, &scene).with_context(|| format!("scene {}", scene.name))?;
-        Ok(Loaded { scene, device, split: RefCell::default(), wavefronts: RefCell::default() })
+        Ok(Loaded {
+            scene,
+            device,
+            spec: spec.to_owned(),
+            given: None,
+            split: RefCell::default(),
+            wavefronts: RefCell::default(),
+        })
     }
 
     /// Makes a variant's first build `repetitions` times in the same memory and keeps the last; `each` sees
@@ -436,7 +516,7 @@ impl Session {
             by_view: false,
             ..variant
         };
-        let builder = Builder::new(&self.gpu, &params.build(first), first.layout).with_context(context)?;
+        let builder = loaded.builder(&self.gpu, &params.build(first), first.layout).with_context(context)?;
         let workspace = loaded.workspace(self, params, &builder).with_context(context)?;
         let build =
             || builder.build(&workspace, &loaded.device.positions, count, false).with_context(context);
@@ -498,6 +578,16 @@ impl Session {
             0 => Ok(()),
             n => bail!("the validation layer gave {n} messages"),
         }
+    }
+}
+
+/// A word as it can be typed into a shell.
+fn shell_word(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-:=,+@".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
     }
 }
 

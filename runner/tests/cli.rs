@@ -600,3 +600,95 @@ fn a_replay_launches_the_rays_of_each_bounce_ten_times() {
     let single = format!("{line} --method replay --set trace.kernels=single");
     fails(here.path(), &single, 1, &["replay", "trace.kernels"]);
 }
+
+#[test]
+fn a_precomputed_tree_takes_the_place_of_building_one() {
+    let here = folder();
+    let path = |name: &str| here.path().join(name);
+    let scene = "sphereflake:triangles=2000";
+    for (build, method, phase) in
+        [("", "ploc", "ploc"), ("--build sbvh --set sbvh.alpha=1e-4", "sbvh", "sbvh")]
+    {
+        let mut precompute = runner(here.path(), &format!("bvh precompute {scene} {build} -o new/s.bvh"));
+        let output = precompute.env("XDG_CACHE_HOME", path("cache")).output().unwrap();
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let said = text(&output.stdout);
+        assert!(said.contains(&format!("built by {method}")), "{said}");
+        let line = format!("run {scene} --views 0 --samples 1 --size 32x18 --builds 2");
+        works(
+            here.path(),
+            &format!("{line} --bvh new/s.bvh --variant Wide4 --variant Wide4*d*CBTC -o p.json"),
+        );
+        let record = valid(&path("p.json"));
+        for point in &record.results {
+            let adopted = point.adopted.as_ref().unwrap();
+            assert_eq!((&*adopted.name, &*adopted.method), ("s.bvh", method));
+            assert!(said.contains(&adopted.sha256) && adopted.built_seconds > 0.0, "{adopted:?}");
+            let parameters = record.parameters_of(point);
+            assert_eq!(parameters.get("build.method").unwrap().to_string(), method);
+            assert_eq!(parameters.get("bvh.sha256").unwrap().to_string(), adopted.sha256);
+            for (name, value) in &adopted.parameters.0 {
+                assert!(name.starts_with(phase) || name.starts_with("morton"), "{name}");
+                assert_eq!(parameters.get(name), Some(value), "{name}");
+            }
+            for build in &point.build.repetitions {
+                let phases: Vec<&str> = build.phases.iter().map(|phase| &*phase.name).collect();
+                assert!(phases.contains(&"adopt") && phases.contains(&"layout"), "{phases:?}");
+                assert!(!phases.iter().any(|phase| ["ploc", "sort", "sbvh"].contains(phase)), "{phases:?}");
+                assert!(
+                    build.milliseconds >= build.phases.iter().map(|phase| phase.milliseconds).sum::<f64>()
+                );
+            }
+        }
+        assert!(record.results.iter().any(|point| point.variant == "Wide4 Quantized CBTC"));
+        // The tree is the one that is built otherwise, and its rays hit the same.
+        let set = match method {
+            "sbvh" => "--set build.method=sbvh --set sbvh.alpha=1e-4",
+            _ => "",
+        };
+        let mut built = runner(here.path(), &format!("{line} {set} --variant Wide4 -o q.json"));
+        assert!(built.env("XDG_CACHE_HOME", path("cache")).output().unwrap().status.success());
+        let built = valid(&path("q.json"));
+        assert_eq!(built.results[0].adopted, None);
+        assert_eq!(built.results[0].tree, record.results[0].tree);
+        // What rays meet varies a little from run to run, as lanes wait for each other; how many go on does not.
+        let met = |record: &Record| {
+            let counters = record.results[0].views[0].counters.clone().unwrap();
+            counters.depths.iter().map(|depth| depth.rays).collect::<Vec<_>>()
+        };
+        assert_eq!(met(&built), met(&record));
+    }
+
+    let sound = fs::read(path("new/s.bvh")).unwrap();
+    let damage = |bytes: &[u8]| fs::write(path("d.bvh"), bytes).unwrap();
+    let line = format!("run {scene} --bvh d.bvh");
+    let way_out = "runner bvh precompute sphereflake:triangles=2000 -o d.bvh";
+    for at in [12, 40, 70, sound.len() / 2, sound.len() - 1] {
+        let mut bytes = sound.clone();
+        bytes[at] ^= 0x10;
+        damage(&bytes);
+        fails(here.path(), &line, 1, &["d.bvh is damaged", "checksum", way_out]);
+    }
+    damage(&sound[..sound.len() - 7]);
+    fails(here.path(), &line, 1, &["d.bvh is damaged", way_out]);
+    damage(b"an essay on trees");
+    fails(here.path(), &line, 1, &["is no file of a binary tree", way_out]);
+    let mut newer = sound.clone();
+    newer[8] = 9;
+    damage(&newer);
+    fails(here.path(), &line, 1, &["of version 9", way_out]);
+    fails(
+        here.path(),
+        "run cornell --bvh new/s.bvh",
+        1,
+        &["triangles of sphereflake", "bvh precompute cornell"],
+    );
+    fails(
+        here.path(),
+        &format!("run {scene} --bvh none.bvh"),
+        1,
+        &["cannot read none.bvh", "bvh precompute"],
+    );
+    fails(here.path(), &format!("run {scene} cornell --bvh new/s.bvh"), 1, &["one by one"]);
+    fails(here.path(), &format!("run {scene} --bvh new/s.bvh --set ploc.radius=4"), 1, &["built already"]);
+}

@@ -126,6 +126,7 @@ impl Measuring<'_> {
             scene: describe::scene(scene),
             variant: self.variant.to_string(),
             parameters,
+            adopted: self.loaded.given().map(|given| given.adopted.clone()),
             build: Build { repetitions },
             tree: describe::tree(plant.statistics()),
             kernels: Vec::new(),

@@ -8,8 +8,8 @@
 //! Everything is recorded into one submission, and nothing is read back before its end: how many
 //! iterations the clustering takes, and how large each is, only the GPU knows.
 //!
-//! A binary tree can also come from elsewhere, such as [`crate::sbvh`]: then [`BuildWorkspace::adopt`] takes the place
-//! of everything before the collapse.
+//! A binary tree can also come from elsewhere, such as [`crate::sbvh`] or a file ([`crate::treefile`]): then
+//! [`BuildWorkspace::adopt`] takes the place of everything before the collapse.
 
 use crate::{
     bvh2::{Bvh2, Bvh2Buffers, LevelsHeader, MAX_LEVELS, MAX_TRIANGLES},
@@ -26,7 +26,7 @@ use crate::{
     traverse::{Tree, TriangleParams, groups::STACK_PER_NODE},
 };
 use serde::{Deserialize, Serialize};
-use std::{cell::Cell, ops::Range};
+use std::{cell::Cell, fmt, ops::Range, time::Instant};
 
 /// Everything that may be chosen about a build.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -57,6 +57,16 @@ pub enum Method {
     Ploc,
     /// Spatial splits, on the CPU: [`crate::sbvh`]. Better, and slower to build.
     Sbvh,
+}
+
+impl fmt::Display for Method {
+    /// As `build.method` is spelt.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.pad(match self {
+            Self::Ploc => "ploc",
+            Self::Sbvh => "sbvh",
+        })
+    }
 }
 
 /// Why a build was refused or failed.
@@ -92,6 +102,8 @@ pub enum BuildError {
 pub struct BuildMilliseconds {
     /// Splitting in space, on the CPU; nothing where the tree is built on the device.
     pub sbvh: f64,
+    /// Copying a binary tree to the device that was made before; nothing where it was made for this build.
+    pub adopt: f64,
     /// Scene bounds and Morton codes.
     pub morton: f64,
     /// Sorting the codes.
@@ -108,18 +120,28 @@ pub struct BuildMilliseconds {
     pub total: f64,
 }
 
+/// What was done on the CPU before the first dispatch, in milliseconds.
+#[derive(Clone, Copy, Debug, Default)]
+struct Before {
+    /// Splitting in space.
+    sbvh: f64,
+    /// Copying a tree to the device.
+    adopt: f64,
+}
+
 impl BuildMilliseconds {
-    fn of(timings: &Timings, sbvh: f64) -> Self {
+    fn of(timings: &Timings, Before { sbvh, adopt }: Before) -> Self {
         let under = |name: &str| timings.milliseconds(&format!("build/{name}"));
         Self {
             sbvh,
+            adopt,
             morton: under("morton"),
             sort: under("sort"),
             ploc: under("ploc"),
             collapse: under("collapse"),
             contract: under("contract"),
             layout: under("layout"),
-            total: sbvh + timings.milliseconds("build"),
+            total: sbvh + adopt + timings.milliseconds("build"),
         }
     }
 }
@@ -220,7 +242,7 @@ struct Last {
     /// What it needed.
     dispatches: Dispatches,
     /// What was done on the CPU took so long.
-    milliseconds: f64,
+    before: Before,
 }
 
 /// How many dispatches to record where only the GPU knows how many there is work for.
@@ -268,6 +290,21 @@ impl Builder {
     /// A parameter is out of its documented range, or the contraction goes by view: there have to be visits
     /// first, see [`Widen`].
     pub fn new(gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Self, BuildError> {
+        Self::compile(gpu, params, layout, params.method == Method::Ploc)
+    }
+
+    /// The same for binary trees that [`BuildWorkspace::adopt`] is given, whatever method made them.
+    ///
+    /// # Errors
+    /// As [`Builder::new`].
+    ///
+    /// # Panics
+    /// As [`Builder::new`].
+    pub fn adopting(gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Self, BuildError> {
+        Self::compile(gpu, params, layout, false)
+    }
+
+    fn compile(gpu: &Gpu, params: &BuildParams, layout: Layout, clusters: bool) -> Result<Self, BuildError> {
         assert!(!params.contract.method.by_view(), "{} needs a tree and visits", params.contract.method);
         let clustering = || {
             let (sort, ploc) = (Sort::new(gpu, params.morton.words())?, Ploc::new(gpu, &params.ploc)?);
@@ -277,7 +314,7 @@ impl Builder {
             gpu: gpu.clone(),
             params: params.clone(),
             morton: Morton::new(gpu, &params.morton)?,
-            clustering: (params.method == Method::Ploc).then(clustering).transpose()?,
+            clustering: clusters.then(clustering).transpose()?,
             collapse: Collapse::new(gpu, &params.collapse)?,
             widen: Widen::new(gpu, params, layout)?,
         })
@@ -384,12 +421,12 @@ impl Builder {
                     triangles: count,
                     leaves: count,
                     dispatches: Dispatches { iterations, levels: tail },
-                    milliseconds: 0.0,
+                    before: Before::default(),
                 }));
                 return Ok(BuildReport {
                     summary: Summary::of(&progress, &header),
                     recorded: recorded.iterations,
-                    milliseconds: BuildMilliseconds::of(&timings, 0.0),
+                    milliseconds: BuildMilliseconds::of(&timings, Before::default()),
                     timings,
                 });
             }
@@ -436,7 +473,7 @@ impl Builder {
         Ok(BuildReport {
             summary: Summary::of(&progress, &workspace.tree.header()?),
             recorded: 0,
-            milliseconds: BuildMilliseconds::of(&timings, last.milliseconds),
+            milliseconds: BuildMilliseconds::of(&timings, last.before),
             timings,
         })
     }
@@ -552,7 +589,7 @@ impl Widen {
         Ok(BuildReport {
             summary: Summary::of(&progress, &header),
             recorded: 0,
-            milliseconds: BuildMilliseconds::of(&timings, 0.0),
+            milliseconds: BuildMilliseconds::of(&timings, Before::default()),
             timings,
         })
     }
@@ -657,18 +694,24 @@ impl WideWorkspace {
 }
 
 impl BuildWorkspace {
-    /// Copies a binary tree over `triangles` triangles to the device, whose making took the CPU so many milliseconds.
+    /// Copies a binary tree over `triangles` triangles to the device. Builds from it took as long before their first
+    /// dispatch as making it took the CPU, `made` milliseconds; where it was there already (`None`), as long as this copy.
     ///
     /// # Errors
     /// A transfer failed.
     ///
     /// # Panics
     /// It has more leaves than the workspace was made for.
-    pub fn adopt(&self, gpu: &Gpu, tree: &Bvh2, triangles: usize, milliseconds: f64) -> Result<(), Error> {
+    pub fn adopt(&self, gpu: &Gpu, tree: &Bvh2, triangles: usize, made: Option<f64>) -> Result<(), Error> {
         assert!(tree.leaves <= self.capacity, "{} leaves in a workspace for {}", tree.leaves, self.capacity);
+        let started = Instant::now();
         let levels = self.tree.write(gpu, tree)?;
+        let before = match made {
+            Some(sbvh) => Before { sbvh, adopt: 0.0 },
+            None => Before { sbvh: 0.0, adopt: 1e3 * started.elapsed().as_secs_f64() },
+        };
         let dispatches = Dispatches { iterations: 0, levels };
-        self.last.set(Some(Last { triangles, leaves: tree.leaves, dispatches, milliseconds }));
+        self.last.set(Some(Last { triangles, leaves: tree.leaves, dispatches, before }));
         Ok(())
     }
 

@@ -16,6 +16,7 @@ pub mod sbvh;
 pub mod scene;
 pub mod sort;
 pub mod traverse;
+pub mod treefile;
 mod upwards;
 pub mod validate;
 

@@ -21,6 +21,7 @@ use tracer::{
     sbvh::{self, SbvhParams},
     sort,
     traverse::TriangleTest,
+    treefile::{self, Made, Recipe},
     validate, with_layout,
 };
 
@@ -634,7 +635,7 @@ fn trees_with_spatial_splits_are_widened_as_others_are() {
                 split_any |= tree.leaves > triangles.len();
                 let buffer = gpu().upload("triangles", triangles).unwrap();
                 let workspace = builder.workspace(tree.leaves).unwrap();
-                workspace.adopt(gpu(), &tree, triangles.len(), 7.0).unwrap();
+                workspace.adopt(gpu(), &tree, triangles.len(), Some(7.0)).unwrap();
                 let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
                 let read = Collapsed::read(&workspace, triangles);
                 assert!(read.tree == tree, "{what}: the tree that was adopted");
@@ -646,5 +647,46 @@ fn trees_with_spatial_splits_are_widened_as_others_are() {
         }
     }
     assert!(split_any, "some triangles were split");
+    assert_silent();
+}
+
+/// A tree that was clustered before, and comes back from a file, takes the place of clustering: what is made of it is the
+/// same, and only what is done counts.
+#[test]
+fn a_clustered_tree_is_adopted_as_it_was_built() {
+    for layout in [Layout::Binary, Layout::Wide4, Layout::Compressed8] {
+        let params = usual(layout);
+        let builder = Builder::new(gpu(), &params, layout).unwrap();
+        let adopting = Builder::adopting(gpu(), &params, layout).unwrap();
+        for count in [1, 2, 3, 1500] {
+            let what = format!("{count} triangles, {layout:?}");
+            let triangles = scattered(count, 10.0, 3.0);
+            let buffer = gpu().upload("triangles", &triangles).unwrap();
+            let workspace = builder.workspace(count).unwrap();
+            let built = builder.build(&workspace, &buffer, count, false).unwrap();
+            let (tree, subtrees) = (workspace.read_tree().unwrap(), workspace.read_subtrees().unwrap());
+            let content = treefile::content(&triangles);
+            let recipe = Recipe::Ploc { morton: params.morton.clone(), ploc: params.ploc.clone() };
+            let made = Made { scene: "scattered".into(), recipe, seconds: 1.0 };
+            let bytes = treefile::encode(&tree, &made, &content, count);
+            let (stored, _) = treefile::decode(&bytes, &content, count).unwrap();
+            assert!(stored == tree, "{what}: the tree that was stored");
+
+            let workspace = adopting.workspace(stored.leaves).unwrap();
+            workspace.adopt(gpu(), &stored, count, None).unwrap();
+            let report = adopting.build(&workspace, &buffer, count, false).unwrap();
+            let read = Collapsed::read(&workspace, &triangles);
+            assert!(read.tree == tree && read.subtrees == subtrees, "{what}: another tree");
+            read.check(&workspace.wide, &report, &params, None, &what);
+            let (nodes, levels) = (built.summary.nodes, built.summary.levels);
+            assert_eq!((report.summary.nodes, report.summary.levels), (nodes, levels), "{what}");
+            let took = &report.milliseconds;
+            assert!(
+                (took.sort, took.ploc, took.sbvh) == (0.0, 0.0, 0.0) && took.adopt > 0.0,
+                "{what}: {took:?}"
+            );
+            assert!(took.total >= took.adopt + took.contract + took.layout, "{what}: {took:?}");
+        }
+    }
     assert_silent();
 }

@@ -299,7 +299,8 @@ fn read_model(path: &Path, report: &mut LoadReport) -> Result<(Geometry, String)
     Ok((geometry, sha256))
 }
 
-fn sha256(bytes: &[u8]) -> String {
+/// SHA-256 of a file's bytes in lower-case hexadecimal, as `sha256sum` prints it.
+pub fn sha256(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }
 

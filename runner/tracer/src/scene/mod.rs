@@ -28,7 +28,7 @@ pub use descriptor::{Descriptor, Emissive, MaterialKey, Region, Source};
 pub use error::SceneError;
 pub use generate::Generator;
 pub(crate) use load::hex;
-pub use load::{check, describe, load};
+pub use load::{check, describe, load, sha256};
 pub use search::{ENVIRONMENT, SearchPath};
 pub use views::place as place_views;
 
