@@ -100,6 +100,7 @@ pub fn scenes(global: &Global, json: bool) -> anyhow::Result<()> {
         let descriptor = entry.descriptor()?;
         let (triangles, found, state) = match &descriptor.source {
             Source::Generator { triangles, .. } => (Some(*triangles), None, "generated"),
+            Source::Models(_) => (None, None, "models"),
             Source::File { file, triangles, .. } => match search.find(Path::new(file)) {
                 Some(path) => (*triangles, Some(path), "found"),
                 None => {

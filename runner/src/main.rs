@@ -5,6 +5,7 @@ mod best;
 mod bvh;
 mod commands;
 mod config;
+mod construct;
 mod describe;
 mod host;
 mod measure;
@@ -25,7 +26,7 @@ mod tuned;
 mod validate;
 mod variant;
 
-use args::{BvhCommand, Cli, Command, ConfigCommand};
+use args::{BvhCommand, Cli, Command, ConfigCommand, SceneCommand};
 use clap::Parser;
 use std::process::ExitCode;
 
@@ -35,6 +36,7 @@ fn main() -> ExitCode {
         Command::Devices { json } => commands::devices(*json),
         Command::Scenes { json } => commands::scenes(&cli.global, *json),
         Command::Run(run) => run::run(&cli.global, run),
+        Command::Scene(SceneCommand::Construct(arguments)) => construct::construct(&cli.global, arguments),
         Command::Bvh(BvhCommand::Precompute(arguments)) => bvh::precompute(&cli.global, arguments),
         Command::Sweep(arguments) => sweep::sweep(&cli.global, arguments),
         Command::Merge(arguments) => sweep::merge(&cli.global, arguments),

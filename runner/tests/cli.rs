@@ -601,6 +601,9 @@ fn a_replay_launches_the_rays_of_each_bounce_ten_times() {
     fails(here.path(), &single, 1, &["replay", "trace.kernels"]);
 }
 
+/// A model of two triangles, one of them far up.
+const LEAVES: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 9 0\nv 1 9 0\nv 0 9 1\nf 1 2 3\nf 4 5 6\n";
+
 #[test]
 fn a_precomputed_tree_takes_the_place_of_building_one() {
     let here = folder();
@@ -691,4 +694,107 @@ fn a_precomputed_tree_takes_the_place_of_building_one() {
     );
     fails(here.path(), &format!("run {scene} cornell --bvh new/s.bvh"), 1, &["one by one"]);
     fails(here.path(), &format!("run {scene} --bvh new/s.bvh --set ploc.radius=4"), 1, &["built already"]);
+}
+
+#[test]
+fn a_constructed_scene_is_one_for_every_command() {
+    let here = folder();
+    let path = |name: &str| here.path().join(name);
+    fs::create_dir(path("models")).unwrap();
+    fs::write(path("models/leaves.obj"), LEAVES).unwrap();
+    let line = "scene construct --model models/leaves.obj 1 --scale 2 2 2 --rotate 0 0 90 --translate 0 0 -1 \
+                --model models/leaves.obj 0 --material 0.4 0.4 0.3 0.6 0.3 0.1 50 \
+                --material 0.3 0.1 0.1 0.9 0.1 0 10 --light 20 20 20 1.5 --light 0 50 25 1.8 \
+                --camera-pos 8 4 8 0 1 0 --camera-orbit --out out/tea.toml";
+    let said = text(&works(here.path(), line).stdout);
+    assert!(said.contains("4 triangles; models: 2, materials: 2, lights: 2, views: 8"), "{said}");
+    let written = fs::read_to_string(path("out/tea.toml")).unwrap();
+    assert!(written.contains("\"../models/leaves.obj\"") && written.contains("0.4, 0.4, 0.3"), "{written}");
+
+    let load = |path: PathBuf| scene::load(path.to_str().unwrap(), &SearchPath::only([]));
+    let scene = load(path("out/tea.toml")).unwrap();
+    let first = scene.positions[0].map(|corner| corner.map(|x| (x * 1e4).round() / 1e4));
+    assert_eq!(first, [[0.0, 0.0, -1.0], [0.0, 2.0, -1.0], [-2.0, 0.0, -1.0]]);
+    assert_eq!(scene.positions[2], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    assert_eq!(scene.material_ids, [1, 1, 0, 0]);
+    assert_eq!(scene.materials.len(), 2);
+    assert_eq!(scene.materials[1].albedo, [0.3, 0.1, 0.1]);
+    assert_eq!(scene.materials[0].phong.unwrap().shininess, 50.0);
+    assert_eq!(
+        (scene.lights.len(), scene.lights[1].position, scene.lights[1].strength),
+        (2, [0.0, 50.0, 25.0], 1.8)
+    );
+    assert_eq!(
+        (scene.views.len(), scene.views[0].eye, scene.views[0].target),
+        (8, [8.0, 4.0, 8.0], [0.0, 1.0, 0.0])
+    );
+    assert_eq!(scene.name, "tea");
+
+    works(here.path(), "run out/tea.toml --views 0 --samples 1 --size 16x9 --builds 1 -o r.json");
+    match &valid(&path("r.json")).results[0].scene.source {
+        Source::File { name, sha256 } => {
+            assert_eq!((&**name, &**sha256), ("tea.toml", &*scene::sha256(written.as_bytes())));
+        }
+        other => panic!("{other:?}"),
+    }
+    works(here.path(), "render out/tea.toml --view orbit_3 --samples 1 --size 16x9 -o tea.png");
+    works(here.path(), "validate out/tea.toml --variant Wide4 --views 0 --size 16x9");
+    works(here.path(), &line.replace("--camera-orbit --out out/tea.toml", "--camera-fixed --name tea"));
+    assert_eq!(load(path("scenes/tea.toml")).unwrap().views.len(), 1);
+    works(here.path(), "run tea --samples 1 --size 16x9 --builds 1");
+
+    // A model that has changed since, and one that has gone.
+    fs::write(path("models/leaves.obj"), LEAVES.replace("9", "8")).unwrap();
+    fails(here.path(), "run out/tea.toml", 1, &["leaves.obj has changed", "write the hash"]);
+    fs::remove_file(path("models/leaves.obj")).unwrap();
+    fails(here.path(), "run out/tea.toml", 1, &["needs the file ../models/leaves.obj"]);
+}
+
+#[test]
+fn a_scene_that_cannot_be_constructed_is_explained_and_not_written() {
+    let here = folder();
+    fs::write(here.path().join("leaves.obj"), LEAVES).unwrap();
+    let line = |model: &str, rest: &str| {
+        format!("scene construct --model {model} --camera-pos 8 4 8 0 1 0 --out t.toml {rest}")
+    };
+    for (model, rest, code, words) in [
+        ("leaves.obj 1", "", 1, ["material is 1", "only 0"]),
+        ("leaves.obj 2", "--material 0.4 0.4 0.3 0.6 0.3 0.1 50", 1, ["material is 2", "which is 0"]),
+        ("leaves.obj 0", "--material 0.4 1.4 0.3 0.6 0.3 0.1 50", 1, ["material 0", "from 0 to 1"]),
+        ("leaves.obj 0", "--material 0.4 0.4 0.3 0.6 inf 0.1 50", 2, ["--material", "finite"]),
+        ("leaves.obj 0", "--light 1 2 NaN 4", 2, ["--light", "finite"]),
+        ("leaves.obj 0", "--light 1 2 3 -4", 1, ["light 0", "not negative"]),
+        ("leaves.obj 0", "--scale 1 0 1", 1, ["model 0", "flat"]),
+        ("leaves.obj 0", "--camera-orbit 0", 2, ["--camera-orbit", "1..=360"]),
+        ("leaves.obj 0", "--camera-pos 0 1 0 0 1 0", 1, ["camera", "must differ"]),
+        ("none.obj 0", "", 1, ["none.obj", "cannot read"]),
+        ("leaves.png 0", "", 1, ["leaves.png", "does not read"]),
+    ] {
+        fails(here.path(), &line(model, rest), code, &words);
+        assert!(!here.path().join("t.toml").exists(), "{model} {rest}");
+    }
+    fails(here.path(), &line("leaves.obj 0", "--out t.txt"), 1, &["NAME.toml"]);
+}
+
+#[test]
+fn a_scene_of_rtrs_is_run() {
+    let here = folder();
+    let json = serde_json::json!({
+        "camera": { "pos": [0.3, 0.3, 4.0], "at": [0.3, 0.3, 0.0] },
+        "camera_controller": "Fixed",
+        "prims": [{ "indices": [0, 1, 2], "material": 0 }],
+        "vertices": [
+            { "pos": [0, 0, 0], "normal": [0, 0, 1] },
+            { "pos": [1, 0, 0], "normal": [0, 0, 1] },
+            { "pos": [0, 1, 0], "normal": [0, 0, 1] },
+        ],
+        "lights": [{ "pos": [20, 20, 20], "strength": 1.5 }],
+        "materials": [{ "color": [0.4, 0.4, 0.3], "albedo": [0.6, 0.3, 0.1], "spec": 50 }],
+    });
+    fs::write(here.path().join("tri.json"), json.to_string()).unwrap();
+    works(here.path(), "run tri.json --samples 1 --size 16x9 --builds 1 -o r.json");
+    let record = valid(&here.path().join("r.json"));
+    assert_eq!((record.results[0].scene.triangles, record.results[0].views.len()), (1, 1));
+    fs::write(here.path().join("no.json"), "{}").unwrap();
+    fails(here.path(), "run no.json", 1, &["no.json", "no scene of RTRS", "camera"]);
 }

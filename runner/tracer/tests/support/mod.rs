@@ -306,8 +306,9 @@ pub fn scene(positions: Vec<Triangle>, albedo: [f32; 3], emission: [f32; 3], sky
         name: "test".into(),
         material_ids: vec![0; positions.len()],
         positions,
-        materials: vec![Material { name: String::new(), albedo, emission }],
+        materials: vec![Material { emission, ..Material::diffuse("", albedo) }],
         views: Vec::new(),
+        lights: Vec::new(),
         sky: Sky { zenith: sky, horizon: sky, ground: sky },
         provenance: Provenance {
             origin: Origin::File { path: "test".into(), sha256: String::new() },
