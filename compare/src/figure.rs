@@ -99,7 +99,7 @@ impl Figure {
 
     /// Its value; nothing where the record does not tell.
     ///
-    /// A figure of a tree that is 0 is one that the record's writer did not know: there are triangles in every
+    /// A figure of a tree that is absent or 0 is one that the record's writer did not know: there are triangles in every
     /// tree, so none of them can be 0 but the depth, of a tree that is a single leaf.
     pub fn of(self, point: &Point) -> Option<f64> {
         match self {
@@ -117,9 +117,9 @@ impl Figure {
             Figure::Triangles => Some(per_ray(point)?.triangles),
             Figure::Children => of_trees(point, |tree| tree.average_children),
             Figure::LeafTriangles => of_trees(point, |tree| tree.average_triangles_per_leaf),
-            Figure::Depth => of_trees(point, |tree| f64::from(tree.depth)),
+            Figure::Depth => of_trees(point, |tree| tree.depth.map(f64::from)),
             Figure::SahCost => of_trees(point, |tree| tree.sah_cost),
-            Figure::Bytes => of_trees(point, |tree| tree.node_bytes as f64 + tree.triangle_bytes as f64),
+            Figure::Bytes => of_trees(point, |tree| tree.all_bytes().map(|bytes| bytes as f64)),
         }
     }
 }
@@ -129,8 +129,8 @@ fn per_ray(point: &Point) -> Option<PerRay> {
     Count::per_ray(&point.counters()?.all())
 }
 
-fn of_trees(point: &Point, figure: fn(&Tree) -> f64) -> Option<f64> {
-    Some(point.of_trees(figure)).filter(|&value| value > 0.0)
+fn of_trees(point: &Point, figure: fn(&Tree) -> Option<f64>) -> Option<f64> {
+    point.of_trees(figure).filter(|&value| value > 0.0)
 }
 
 #[cfg(test)]
@@ -159,7 +159,7 @@ mod tests {
     fn what_nobody_told_is_a_gap() {
         let mut point = example().results[0].clone();
         assert_eq!(Figure::SahCost.of(&point), Some(181.25));
-        point.tree.sah_cost = 0.0;
+        point.tree.sah_cost = Some(0.0);
         point.views[0].counters = None;
         for sample in &mut point.views[0].samples {
             sample.depths.truncate(1);
@@ -168,5 +168,9 @@ mod tests {
             assert_eq!(figure.of(&point), None, "{figure:?}");
         }
         assert!(Figure::Primary.of(&point).is_some());
+        // Of a tree that the driver has built, its size at most.
+        point.tree = Tree { bytes: Some(123), ..Tree::default() };
+        assert_eq!((Figure::SahCost.of(&point), Figure::Depth.of(&point)), (None, None));
+        assert_eq!(Figure::Bytes.of(&point), Some(123.0));
     }
 }

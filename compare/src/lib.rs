@@ -20,6 +20,7 @@ pub mod load;
 pub mod output;
 pub mod plot;
 pub mod report;
+pub mod roofline;
 pub mod select;
 pub mod stats;
 pub mod tables;

@@ -3,7 +3,7 @@
 use compare::Exit;
 use compare::plot::chart::{Body, Chart, Value};
 use compare::plot::draw::{Mark, draw};
-use compare::plot::{Arguments, Format, Kind, charts, png, records, svg};
+use compare::plot::{Arguments, Format, Kind, charts, png, records, roofline, svg};
 use compare::select::{Filter, REFERENCE, Selection};
 use record::{Parameters, Point, Record, Source, example};
 use std::fmt::Write;
@@ -73,6 +73,7 @@ fn drawn(record: &Record, kind: Kind) -> Vec<Chart> {
             }
             records::charts(&selection, &Selection::new(&faster)).charts
         }
+        Kind::Roofline => roofline::charts(&selection, &record::example_roofline()).charts,
         kind => charts(&selection, kind, REFERENCE).charts,
     }
 }
@@ -352,6 +353,7 @@ fn arguments(record: &Record, folder: &std::path::Path) -> Arguments {
         only: Vec::new(),
         anyway: false,
         reference: REFERENCE.into(),
+        roofline: None,
         filter: Filter::default(),
     }
 }
@@ -420,6 +422,7 @@ fn points_of_too_few_samples_are_named_below_pictures() {
             Kind::Records => &["records-quantized"],
             Kind::Build => &["build-phases"],
             Kind::Cost => &["cost-quantized"],
+            Kind::Roofline => &["roofline-sponza", "roofline-old-town"],
             _ => &["samples-sponza", "samples-old-town"],
         };
         assert_eq!(those, expected, "{kind}");

@@ -13,7 +13,8 @@ use std::path::PathBuf;
 /// What was asked for goes to stdout, remarks and progress go to stderr. An option that is given twice has its
 /// last value.
 ///
-/// Exit status: 0 done, 1 failed, 2 usage, 130 interrupted (what was measured until then is kept).
+/// Exit status: 0 done, 1 failed, 2 usage, 3 a variant that was asked for by name is unavailable on the device (all
+/// else is done), 130 interrupted (what was measured until then is kept).
 #[derive(Debug, Parser)]
 #[command(
     version,
@@ -28,6 +29,9 @@ pub struct Cli {
     #[command(flatten)]
     pub global: Global,
 }
+
+/// The exit status where a variant that was asked for by name is unavailable on the device.
+pub const UNAVAILABLE: u8 = 3;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -46,6 +50,7 @@ Examples:
   runner run forest --variant all -o out/all.json
   runner run forest --bvh out/forest.bvh -o out/forest.json
   runner run sponza --variant 'Wide8*' --method replay -o out/bounces.json
+  runner run sponza --variant Binary --variant Driver --set driver.build=fast-build -o out/driver.json
   runner run city --variant 'Wide4*' --set cbtc.threshold=16 --set cbtc.subsampling=100";
 
 const PRECOMPUTE_EXAMPLES: &str = "\
@@ -102,12 +107,19 @@ const TRACE_EXAMPLES: &str = "\
 Examples:
   runner trace out/city.rays --scene city --launches 20 --hits out/again.hits";
 
+const ROOFLINE_EXAMPLES: &str = "\
+Examples:
+  runner roofline --quick
+  runner roofline -o out/roofline.json
+  compare markdown out/record.json --table roofline --roofline out/roofline.json";
+
 const VALIDATE_EXAMPLES: &str = "\
 Examples:
   runner validate sponza --variant 'Wide6 Quantized CBTC'
   runner validate path/to/scene.glb --views 0-3 --brute-force 10000
 
-Exit status: 0 everything holds, 1 something does not, or could not be checked.";
+Exit status: 0 everything holds, 1 something does not, or could not be checked, 3 a variant that was asked for by name
+is unavailable on the device.";
 
 /// What every command understands.
 #[derive(Clone, Debug, Args)]
@@ -206,6 +218,13 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Measure what the device can do at best: copy memory, read nodes at random, compute
+    ///
+    /// These are the roofs below which every traversal stays. Each kernel's results are held against the CPU's, and the
+    /// median of several launches counts. `compare markdown RECORD --table roofline --roofline FILE.json` says how near
+    /// to them the variants of a record come.
+    #[command(after_help = ROOFLINE_EXAMPLES)]
+    Roofline(Roofline),
     /// Print the JSON Schema of the record
     Schema,
     /// Help with configs, the files that describe experiments
@@ -510,7 +529,8 @@ pub struct Run {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub samples: Option<u32>,
     /// Samples traced before them from each view and thrown away; on a GPU at least 0.15 seconds' worth (0.4
-    /// before the first view) and 0.4 seconds of builds before those that count, unless it is 0
+    /// before the first view), more for as long as its clock still rises, and 0.4 seconds of builds before those that
+    /// count, unless it is 0
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub warm_up: u32,
     /// Measured builds of each tree, after the warm-up; 10 on a GPU and 3 on a CPU driver when left out
@@ -559,6 +579,20 @@ pub struct Sweep {
     /// Put this computer's name into the record
     #[arg(long)]
     pub host_name: bool,
+}
+
+/// What `roofline` measures.
+#[derive(Debug, Args)]
+pub struct Roofline {
+    /// Fewer sizes and fewer launches: a few seconds, also on a CPU driver
+    #[arg(long)]
+    pub quick: bool,
+    /// Where it goes, for `compare`
+    #[arg(short, long, value_name = "FILE.json")]
+    pub output: Option<PathBuf>,
+    /// Print JSON instead of tables
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// What `merge` joins.

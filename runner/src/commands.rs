@@ -7,12 +7,12 @@ use crate::{
     picture::Picture,
     progress::{bar, remark},
     rayfile,
-    session::{Loaded, Plant, Session, TraceMemory},
+    session::{self, Loaded, Plant, Session, TraceMemory},
     size::Size,
     table::{self, table, thousands},
     variant::Variant,
 };
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::CommandFactory;
 use std::{io::Write, path::Path};
 use tracer::{
@@ -191,57 +191,85 @@ pub fn config_schema() -> anyhow::Result<()> {
 }
 
 /// `runner variants`.
-pub fn variants(tuning: &args::Tuning, json: bool) -> anyhow::Result<()> {
+pub fn variants(global: &Global, tuning: &args::Tuning, json: bool) -> anyhow::Result<()> {
     let mut rows =
         table(&["variant", "language", "children", "node bytes", "boxes", "contraction", "c_t", "subgroups"]);
     let mut all = Vec::new();
+    // What a device has no part in is told without one, too.
+    let device = chosen_device(global);
+    let mut reasons: Vec<String> = Vec::new();
     for &variant in Variant::ALL {
         let params = Params::with(variant, &tuning.set)?;
-        let method = params.build(variant).contract.method;
-        let (bytes, stride) = (variant.layout.node_bytes(), variant.layout.stride(&params.layout));
+        let missing = variant.missing().map(ToOwned::to_owned).or_else(|| match &device {
+            _ if !variant.is_driver() => None,
+            Ok(info) => variant.unavailable(info).map(|why| why.to_string()),
+            Err(why) => Some(format!("{why:#}")),
+        });
+        if let Some(reason) = missing.as_ref().filter(|reason| !reasons.contains(reason)) {
+            reasons.push(reason.clone());
+        }
+        let layout = variant.layout;
+        let bytes = layout.map(Layout::node_bytes);
+        let stride = layout.map(|layout| layout.stride(&params.layout));
+        let method = layout.map(|_| params.build(variant).contract.method);
         if json {
             all.push(serde_json::json!({
                 "name": variant.name(),
                 "language": variant.language(),
-                "missing": variant.missing(),
-                "children": variant.layout.arity(),
+                "missing": missing,
+                "children": layout.map(Layout::arity),
                 "node_bytes": bytes,
                 "stride_bytes": stride,
-                "quantized": variant.layout.is_quantized(),
-                "bits": variant.layout.bits(&params.layout),
-                "contraction": method.to_string(),
+                "quantized": layout.map(Layout::is_quantized),
+                "bits": layout.map(|layout| layout.bits(&params.layout)),
+                "contraction": method.map(|method| method.to_string()),
                 "by_view": variant.by_view,
                 "parameters": params,
             }));
             continue;
         }
-        rows.add_row([
-            variant.to_string(),
-            match variant.missing() {
-                None => variant.language().to_owned(),
-                Some(_) => format!("{}, unavailable", variant.language()),
-            },
-            variant.layout.arity().to_string(),
-            if stride == bytes { bytes.to_string() } else { format!("{bytes} in {stride}") },
-            format!("{} bits a plane", variant.layout.bits(&params.layout)),
-            if variant.layout == Layout::Binary { "none".to_owned() } else { method.to_string() },
-            params.collapse.traversal_cost.to_string(),
-            format!("{}, {}", params.trace.primary_subgroups, params.trace.secondary_subgroups),
-        ]);
+        let language = match &missing {
+            None => variant.language().to_owned(),
+            Some(_) => format!("{}, unavailable", variant.language()),
+        };
+        let mut row = vec![variant.to_string(), language];
+        match layout {
+            None => row.resize(8, "–".into()),
+            Some(layout) => row.extend([
+                layout.arity().to_string(),
+                match (bytes, stride) {
+                    (Some(bytes), Some(stride)) if stride != bytes => format!("{bytes} in {stride}"),
+                    _ => layout.node_bytes().to_string(),
+                },
+                format!("{} bits a plane", layout.bits(&params.layout)),
+                method.filter(|_| layout != Layout::Binary).map_or_else(|| "none".into(), |m| m.to_string()),
+                params.collapse.traversal_cost.to_string(),
+                format!("{}, {}", params.trace.primary_subgroups, params.trace.secondary_subgroups),
+            ]),
+        }
+        rows.add_row(row);
     }
     if json {
         return print(&serde_json::to_string_pretty(&all)?);
     }
     table::align(&mut rows, &[0, 1, 4, 5]);
-    let unavailable = Variant::ALL.iter().find_map(|variant| variant.missing());
-    let unavailable = unavailable.map(|reason| format!("\n\nunavailable: {reason}")).unwrap_or_default();
+    let said = |reason: &String| match reason.contains("unavailable") {
+        true => format!("\n\n{reason}"),
+        false => format!("\n\nunavailable: {reason}"),
+    };
+    let unavailable: String = reasons.iter().map(said).collect();
     print(&format!(
         "{}{unavailable}\n\ncontraction: sah by surface area and triangles, cbtc by visits of sample rays from the view, optimal of least\n\
          SAH cost. c_t: what visiting a node costs when leaves are merged. subgroups: of a workgroup, for primary and\n\
-         secondary rays.\n\
+         secondary rays. Driver: the driver's own ray tracing, which does not tell what its trees are like.\n\
          All of these are parameters; `--set` changes them, as it does in `runner run`.",
         table::shown(&rows)
     ))
+}
+
+/// What is known of the device that would be opened.
+fn chosen_device(global: &Global) -> anyhow::Result<DeviceInfo> {
+    Ok(tracer::gpu::describe(&session::selector(global))?)
 }
 
 /// A scene, its tree and a camera, as `render` and `rays` want them.
@@ -282,6 +310,9 @@ pub fn render(global: &Global, render: &args::Render) -> anyhow::Result<()> {
     let stage = Stage::new(global, &render.seen, size)?;
     let session = &stage.session;
     let counting = render.heatmap.is_some();
+    if counting && stage.variant.is_driver() {
+        bail!("the driver does not tell what rays meet in its tree: take another --variant for --heatmap");
+    }
     let path = path::Params { depth: render.depth, seed: render.seen.seed };
     let device = &stage.loaded.device;
     let tracer = PathTracer::new(&session.gpu, device, (size.width, size.height), &path, counting)?;

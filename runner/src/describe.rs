@@ -4,6 +4,7 @@ use record::{Phase, Repetition, Source};
 use std::collections::BTreeMap;
 use tracer::{
     builder::BuildReport,
+    driver,
     gpu::{DeviceInfo, DeviceKind},
     measure::tree::TreeStats,
     path::WaveCounts,
@@ -14,7 +15,8 @@ use tracer::{
 /// One build.
 pub fn repetition(report: &BuildReport) -> Repetition {
     let took = &report.milliseconds;
-    let phases = [
+    // A tree for a view is made of one that is there: its first phases take no part.
+    let phases = phases(&[
         ("sbvh", took.sbvh),
         ("adopt", took.adopt),
         ("morton", took.morton),
@@ -23,31 +25,42 @@ pub fn repetition(report: &BuildReport) -> Repetition {
         ("collapse", took.collapse),
         ("contract", took.contract),
         ("layout", took.layout),
-    ];
-    // A tree for a view is made of one that is there: its first phases take no part.
-    let took_part = |(_, milliseconds): &(&str, f64)| *milliseconds > 0.0;
+    ]);
+    Repetition { milliseconds: took.total, phases }
+}
+
+/// One build by the driver.
+pub fn by_driver(took: &driver::Milliseconds) -> Repetition {
     Repetition {
         milliseconds: took.total,
-        phases: phases
-            .into_iter()
-            .filter(took_part)
-            .map(|(name, milliseconds)| Phase { name: name.into(), milliseconds })
-            .collect(),
+        phases: phases(&[("bottom", took.bottom), ("compact", took.compact), ("top", took.top)]),
     }
+}
+
+/// Those that took part.
+fn phases(all: &[(&str, f64)]) -> Vec<Phase> {
+    let took_part = all.iter().filter(|(_, milliseconds)| *milliseconds > 0.0);
+    took_part.map(|&(name, milliseconds)| Phase { name: name.into(), milliseconds }).collect()
 }
 
 /// What a build made.
 pub fn tree(stats: &TreeStats) -> record::Tree {
     record::Tree {
-        nodes: stats.nodes,
-        leaves: stats.leaves,
-        node_bytes: stats.node_bytes,
-        triangle_bytes: stats.triangle_bytes,
-        average_children: stats.children_per_node,
-        average_triangles_per_leaf: stats.triangles_per_leaf,
-        depth: stats.depth,
-        sah_cost: stats.sah_cost,
+        nodes: Some(stats.nodes),
+        leaves: Some(stats.leaves),
+        node_bytes: Some(stats.node_bytes),
+        triangle_bytes: Some(stats.triangle_bytes),
+        bytes: None,
+        average_children: Some(stats.children_per_node),
+        average_triangles_per_leaf: Some(stats.triangles_per_leaf),
+        depth: Some(stats.depth),
+        sah_cost: Some(stats.sah_cost),
     }
+}
+
+/// What the driver tells of the tree that it has made: how much memory it takes.
+pub fn driver_tree(structure: &driver::Structure) -> record::Tree {
+    record::Tree { bytes: Some(structure.bytes()), ..record::Tree::default() }
 }
 
 /// What the rays of a wavefront met, and how well subgroups of a size were used.

@@ -14,6 +14,7 @@ mod picture;
 mod progress;
 mod rayfile;
 mod resources;
+mod roofline;
 mod run;
 mod session;
 mod shard;
@@ -45,11 +46,12 @@ fn main() -> ExitCode {
         Command::Render(render) => commands::render(&cli.global, render),
         Command::Rays(rays) => commands::rays(&cli.global, rays),
         Command::Trace(trace) => commands::trace(&cli.global, trace),
-        Command::Variants { json, tuning } => commands::variants(tuning, *json),
+        Command::Variants { json, tuning } => commands::variants(&cli.global, tuning, *json),
         Command::Validate(validate) => validate::validate(&cli.global, validate),
         Command::Resources { variant, tuning, json } => {
             resources::resources(&cli.global, variant, tuning, *json)
         }
+        Command::Roofline(arguments) => roofline::roofline(&cli.global, arguments),
         Command::Schema => commands::schema(),
         Command::Config(ConfigCommand::Schema) => commands::config_schema(),
         Command::Completions { shell } => commands::completions(*shell),
@@ -59,7 +61,10 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("runner: {error:#}");
-            ExitCode::FAILURE
+            let unavailable = |cause: &(dyn std::error::Error + 'static)| {
+                matches!(cause.downcast_ref(), Some(tracer::Error::NoRayTracing { .. }))
+            };
+            if error.chain().any(unavailable) { ExitCode::from(args::UNAVAILABLE) } else { ExitCode::FAILURE }
         }
     }
 }

@@ -6,7 +6,8 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use tracer::{
     builder::{BuildParams, Method},
-    contract::{ContractParams, Contraction, Form},
+    contract::{ContractParams, Contraction, Form, Numbering},
+    gpu::Gpu,
     layout::{Layout, LayoutParams},
     traverse::{Language, Technique},
     treefile::Recipe,
@@ -42,6 +43,8 @@ pub struct Params {
     pub trace: tracer::traverse::Params,
     /// The schedule of the compressed layout's traversal.
     pub groups: tracer::traverse::groups::Params,
+    /// The driver's own ray tracing.
+    pub driver: tracer::driver::Params,
     /// What is done differently in GLSL.
     pub glsl: Technique,
     /// What is done differently in Slang.
@@ -78,6 +81,8 @@ pub struct Contract {
     pub alpha: f32,
     /// `auto`, `handover` or `levels`.
     pub form: Form,
+    /// `creation` or `depth-first`.
+    pub numbering: Numbering,
     /// c_node of `optimal`.
     #[serde(rename = "c_node")]
     pub c_node: f32,
@@ -91,8 +96,9 @@ pub struct Contract {
 
 impl Default for Contract {
     fn default() -> Self {
-        let ContractParams { method, alpha, form, c_node, c_prim, p_max } = ContractParams::default();
-        Self { by_area: method, by_view: Contraction::Cbtc, alpha, form, c_node, c_prim, p_max }
+        let ContractParams { method, alpha, form, numbering, c_node, c_prim, p_max } =
+            ContractParams::default();
+        Self { by_area: method, by_view: Contraction::Cbtc, alpha, form, numbering, c_node, c_prim, p_max }
     }
 }
 
@@ -100,17 +106,20 @@ impl Params {
     /// The defaults of a variant.
     pub fn of(variant: Variant) -> Self {
         let mut params = Self::default();
+        // The driver takes none of what is below.
+        let Some(layout) = variant.layout else { return params };
         // Thesis 6.3, table 5: wider nodes are dearer to visit.
-        params.collapse.traversal_cost = match variant.layout {
+        params.collapse.traversal_cost = match layout {
             Layout::Binary | Layout::Wide4 | Layout::Quantized4 => 2.0,
             Layout::Wide6 | Layout::Quantized6 | Layout::Quantized8 => 3.0,
             Layout::Wide8 => 4.0,
             Layout::Compressed8 => 2.0,
         };
-        if variant.layout.is_compressed() {
+        if layout.is_compressed() {
             // Ylitie et al. 2017, 3.4; where another method is chosen, leaves are no larger.
             params.contract.by_area = Contraction::Optimal;
-            params.collapse.max_leaf = variant.layout.limits().triangles_per_leaf as u32;
+            params.contract.numbering = Numbering::DepthFirst;
+            params.collapse.max_leaf = layout.limits().triangles_per_leaf as u32;
         }
         params
     }
@@ -127,14 +136,14 @@ impl Params {
 
     /// What the builder takes for a variant; where that goes by view, this is the last step's.
     pub fn build(&self, variant: Variant) -> BuildParams {
-        let Contract { by_area, by_view, alpha, form, c_node, c_prim, p_max } = self.contract;
+        let Contract { by_area, by_view, alpha, form, numbering, c_node, c_prim, p_max } = self.contract;
         let method = if variant.by_view { by_view } else { by_area };
         BuildParams {
             method: self.build.method,
             morton: self.morton.clone(),
             ploc: self.ploc.clone(),
             collapse: self.collapse.clone(),
-            contract: ContractParams { method, alpha, form, c_node, c_prim, p_max },
+            contract: ContractParams { method, alpha, form, numbering, c_node, c_prim, p_max },
             layout: LayoutParams { assignment: self.order.assignment, ..self.layout.clone() },
             triangle: self.triangle.clone(),
         }
@@ -147,8 +156,13 @@ impl Params {
             Language::Glsl => self.glsl,
             Language::Slang => self.slang,
         };
-        let (groups, order) = (self.groups.clone(), self.order.traversal);
-        tracer::traverse::Params { language, technique, groups, order, ..self.trace.clone() }
+        let (groups, order, driver) = (self.groups.clone(), self.order.traversal, self.driver.clone());
+        tracer::traverse::Params { language, technique, groups, order, driver, ..self.trace.clone() }
+    }
+
+    /// Whether the device has room for the workgroups of a variant's kernels.
+    pub fn fits(&self, variant: Variant, gpu: &Gpu) -> bool {
+        variant.layout.is_none_or(|layout| self.trace(variant).fits(gpu, layout))
     }
 
     /// What the binary tree is made by.
@@ -257,6 +271,7 @@ impl Params {
             ("groups.n_d", f64::from(self.groups.n_d), 0.0..=32.0),
             ("groups.n_t", f64::from(self.groups.n_t), 0.0..=32.0),
             ("groups.r_t", f64::from(self.groups.r_t), 0.0..=1.0),
+            ("driver.row", f64::from(self.driver.row), 0.0..=65_536.0),
             ("groups.shared_stack", f64::from(self.groups.shared_stack), 0.0..=16.0),
         ];
         for (name, value, range) in ranges {

@@ -8,6 +8,7 @@ use crate::{
     table::{self, table, thousands},
     variant::Variant,
 };
+use anyhow::bail;
 use comfy_table::Table;
 use serde::Serialize;
 use tracer::{
@@ -18,9 +19,10 @@ use tracer::{
 /// The kernels of a variant, and what each is launched for.
 const PURPOSES: [(Wave, &str); 2] = [(Wave::Primary, "primary"), (Wave::Secondary, "secondary")];
 
-/// The kernels that traced a point's rays, for the record.
+/// The kernels that traced a point's rays, for the record; none where the driver did.
 pub fn recorded(traversal: &Traversal) -> Vec<record::Kernel> {
-    PURPOSES.iter().map(|&(wave, purpose)| recorded_as(traversal.kernel(wave), purpose)).collect()
+    let kernel = |&(wave, purpose)| Some(recorded_as(traversal.kernel(wave)?, purpose));
+    PURPOSES.iter().filter_map(kernel).collect()
 }
 
 /// One kernel for the record.
@@ -56,14 +58,16 @@ pub fn resources(global: &Global, variants: &[String], tuning: &Tuning, json: bo
     let mut report = Report::new(info);
     // Those that go by view are traced by the same kernels.
     for variant in Variant::select(variants)?.into_iter().filter(|v| !v.by_view) {
+        // What the driver traces with it keeps to itself.
+        let Some(layout) = variant.layout else { continue };
         let params = Params::with(variant, &tuning.set)?;
-        let (layout, stride) = (variant.layout, variant.layout.stride(&params.layout));
-        let test = params.triangle.test;
+        let stride = layout.stride(&params.layout);
+        let (layout, test) = (Some(layout), params.triangle.test);
         let no_tree =
             Tree { nodes: 0, triangles: 0, indices: 0, test, layout, stride, stack: 0, extent: 0.0 };
         let traversal = session.traversal(&no_tree, variant, &params, Counting::Nothing)?;
         for (wave, purpose) in PURPOSES {
-            let kernel = traversal.kernel(wave);
+            let Some(kernel) = traversal.kernel(wave) else { continue };
             report.kernels.push(Row {
                 variant: variant.to_string(),
                 rays: purpose,
@@ -72,6 +76,9 @@ pub fn resources(global: &Global, variants: &[String], tuning: &Tuning, json: bo
                 statistics: kernel.statistics(),
             });
         }
+    }
+    if report.kernels.is_empty() {
+        bail!("the driver does not tell what its own ray tracing takes: choose another --variant");
     }
     print(&if json { serde_json::to_string_pretty(&report)? } else { report.text() })?;
     session.finish()

@@ -41,10 +41,16 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
             );
         }
     }
-    let mut params: Vec<Params> =
-        variants.iter().map(|&v| Params::with(v, &run.paths.tuning.set)).collect::<anyhow::Result<_>>()?;
+    // Mistakes are told before a device is opened.
+    for &variant in &variants {
+        Params::with(variant, &run.paths.tuning.set)?;
+    }
     watch_for_interrupts("sample")?;
     let session = Session::open(global)?;
+    let available = session.available(variants, &run.variant)?;
+    let variants = &available.there;
+    let mut params: Vec<Params> =
+        variants.iter().map(|&v| Params::with(v, &run.paths.tuning.set)).collect::<anyhow::Result<_>>()?;
     let telemetry = telemetry(&session);
     let held = Held::of(&session);
     let defaults = Defaults::of(&session);
@@ -78,6 +84,7 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     }
     let mut record = begin(&session, &plan, run.host_name);
     record.parameters = params[0].by_name();
+    record.left_out.clone_from(&available.missed);
 
     let bar = bar(0, session.quiet);
     let mut writer = Writer { record, output: run.output.as_deref() };
@@ -128,7 +135,7 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     if interrupted() {
         std::process::exit(130);
     }
-    Ok(())
+    available.finish(&session.gpu)
 }
 
 /// A GPU lowers its clocks within a second of idling, while the host loads a scene or reads counters back,

@@ -26,9 +26,10 @@ use tracer::{
     },
     bvh2::Bvh2,
     contract::{VisitCounter, Visits},
-    gpu::{Buffer, Gpu, Options, Pass},
+    driver,
+    gpu::{Buffer, Gpu, Options, Pass, Selector},
     layout::Layout,
-    measure::tree::{TreeStats, stats},
+    measure::tree::stats,
     path::{Camera, DeviceScene, PathTracer},
     sbvh::{
         SbvhParams,
@@ -251,14 +252,23 @@ impl Loaded {
 /// A tree that can be traversed.
 pub struct Planted {
     pub tree: Tree,
-    pub statistics: TreeStats,
-    _memory: WideWorkspace,
+    /// What is known of it.
+    pub statistics: record::Tree,
+    _memory: Memory,
+}
+
+/// Where a tree lies.
+#[expect(dead_code, reason = "it is held for as long as rays are traced through it")]
+enum Memory {
+    Ours(Box<WideWorkspace>),
+    Driver(driver::Structure),
 }
 
 /// A binary tree to which variants that go by view return for every view: what sample rays are traced
 /// through, and what the tree of a view is made of.
 pub struct Seedling {
     variant: Variant,
+    layout: Layout,
     params: Params,
     workspace: BuildWorkspace,
     tree: Tree,
@@ -267,7 +277,7 @@ pub struct Seedling {
     widen: Widen,
     wide: WideWorkspace,
     /// Of the binary tree.
-    pub statistics: TreeStats,
+    pub statistics: record::Tree,
 }
 
 /// The tree of one view.
@@ -290,7 +300,7 @@ pub enum Plant {
 
 impl Plant {
     /// Of the tree that the first build made.
-    pub fn statistics(&self) -> &TreeStats {
+    pub fn statistics(&self) -> &record::Tree {
         match self {
             Self::Planted(planted) => &planted.statistics,
             Self::Seedling(seedling) => &seedling.statistics,
@@ -345,9 +355,33 @@ impl Seedling {
     ///
     /// # Errors
     /// A transfer failed.
-    pub fn measure(&self, grown: &Grown) -> anyhow::Result<TreeStats> {
-        measure(self.variant.layout, &self.wide, &grown.summary, &self.params)
+    pub fn measure(&self, grown: &Grown) -> anyhow::Result<record::Tree> {
+        measure(self.layout, &self.wide, &grown.summary, &self.params)
     }
+}
+
+/// Builds `repetitions` times, each seen by `each`, after builds that nobody sees: one, and more until `warm_up` has
+/// passed. What the last one came to.
+fn again_and_again<R>(
+    warm_up: Option<Duration>,
+    repetitions: u32,
+    build: impl Fn() -> anyhow::Result<R>,
+    mut each: impl FnMut(&R),
+) -> anyhow::Result<R> {
+    if let Some(time) = warm_up {
+        let started = Instant::now();
+        build()?;
+        while started.elapsed() < time {
+            build()?;
+        }
+    }
+    let mut last = None;
+    for _ in 0..repetitions {
+        let built = build()?;
+        each(&built);
+        last = Some(built);
+    }
+    Ok(last.expect("at least one repetition"))
 }
 
 fn measure(
@@ -355,11 +389,11 @@ fn measure(
     memory: &WideWorkspace,
     summary: &Summary,
     params: &Params,
-) -> anyhow::Result<TreeStats> {
+) -> anyhow::Result<record::Tree> {
     with_layout!(layout, L => {
         let nodes = memory.read_nodes::<L>(summary.nodes as usize)?;
         let stats = stats::<L>(&nodes, layout.stride(&params.layout), &params.collapse);
-        Ok(stats.stored_for(params.triangle.test))
+        Ok(describe::tree(&stats.stored_for(params.triangle.test)))
     })
 }
 
@@ -445,21 +479,70 @@ impl TraceMemory {
     }
 }
 
+/// The device that the command line asks for.
+pub fn selector(global: &Global) -> Selector {
+    match global.device.as_deref().unwrap_or_default() {
+        "" => Selector::Best,
+        device => device.parse().expect("every text selects something"),
+    }
+}
+
+/// Variants that a device has, and those that were asked for in vain.
+pub struct Available {
+    /// At least one.
+    pub there: Vec<Variant>,
+    /// Those that somebody misses.
+    pub missed: Vec<record::LeftOut>,
+}
+
+impl Available {
+    /// Fails where somebody misses something, once everything else is done.
+    ///
+    /// # Errors
+    /// Somebody does.
+    pub fn finish(&self, gpu: &Gpu) -> anyhow::Result<()> {
+        if self.missed.is_empty() { Ok(()) } else { Ok(driver::check(gpu.info())?) }
+    }
+}
+
 impl Session {
     /// Opens the device that the command line asks for.
     ///
     /// # Errors
     /// No such device, or it cannot run our kernels.
     pub fn open(global: &Global) -> anyhow::Result<Self> {
-        let device = global.device.as_deref().unwrap_or_default();
-        let device = if device.is_empty() {
-            tracer::gpu::Selector::Best
-        } else {
-            device.parse().expect("every text selects something")
-        };
-        let gpu = Gpu::open(&Options { device, validate: global.validate })?;
+        let gpu = Gpu::open(&Options { device: selector(global), validate: global.validate })?;
         remark(global.quiet, format_args!("device {}", gpu.info()));
         Ok(Self { gpu, quiet: global.quiet, search: SearchPath::new(global.scene_dir.iter().cloned()) })
+    }
+
+    /// Those of `variants` that the device has, and the others that `patterns` ask for by name, with why it has not.
+    /// Those that are among many are left out with a remark.
+    ///
+    /// # Errors
+    /// None is there.
+    pub fn available(&self, variants: Vec<Variant>, patterns: &[String]) -> anyhow::Result<Available> {
+        let mut available = Available { there: Vec::new(), missed: Vec::new() };
+        let mut first = None;
+        for variant in variants {
+            match variant.unavailable(self.gpu.info()) {
+                None => available.there.push(variant),
+                Some(why) if variant.is_asked_for(patterns) => {
+                    available
+                        .missed
+                        .push(record::LeftOut { variant: variant.to_string(), reason: why.to_string() });
+                    first.get_or_insert(why);
+                }
+                Some(why) => {
+                    remark(self.quiet, format_args!("left out: {why}"));
+                    first.get_or_insert(why);
+                }
+            }
+        }
+        match first {
+            Some(why) if available.there.is_empty() => Err(why.into()),
+            _ => Ok(available),
+        }
     }
 
     /// Loads a scene and copies it to the device.
@@ -507,43 +590,41 @@ impl Session {
         params: &Params,
         warm_up: Option<Duration>,
         repetitions: u32,
-        mut each: impl FnMut(&BuildReport),
+        mut each: impl FnMut(record::Repetition),
     ) -> anyhow::Result<Plant> {
         let context = || format!("building {variant} for {}", loaded.scene.name);
-        let (count, extent) = (loaded.device.triangles, loaded.device.extent);
-        let first = Variant {
-            layout: if variant.by_view { Layout::Binary } else { variant.layout },
-            by_view: false,
-            ..variant
+        let Loaded { device: DeviceScene { positions, triangles: count, extent, .. }, .. } = loaded;
+        let (count, extent) = (*count, *extent);
+        let Some(layout) = variant.layout else {
+            let builder = driver::Builder::new(&self.gpu, &params.driver, positions, count)?;
+            let build = || builder.build(positions).with_context(context);
+            let took = again_and_again(warm_up, repetitions, build, |took| each(describe::by_driver(took)))?;
+            debug_assert!(took.total > 0.0);
+            let structure = builder.finish();
+            let (tree, statistics) = (structure.tree(extent), describe::driver_tree(&structure));
+            let planted = Planted { tree, statistics, _memory: Memory::Driver(structure) };
+            return Ok(Plant::Planted(Box::new(planted)));
         };
-        let builder = loaded.builder(&self.gpu, &params.build(first), first.layout).with_context(context)?;
+        let layout_of_first = if variant.by_view { Layout::Binary } else { layout };
+        let first = Variant { layout: Some(layout_of_first), by_view: false, ..variant };
+        let builder =
+            loaded.builder(&self.gpu, &params.build(first), layout_of_first).with_context(context)?;
         let workspace = loaded.workspace(self, params, &builder).with_context(context)?;
-        let build =
-            || builder.build(&workspace, &loaded.device.positions, count, false).with_context(context);
-        if let Some(time) = warm_up {
-            let started = Instant::now();
-            build()?;
-            while started.elapsed() < time {
-                build()?;
-            }
-        }
-        let mut summary = None;
-        for _ in 0..repetitions {
-            let report = build()?;
-            each(&report);
-            summary = Some(report.summary);
-        }
-        let summary = summary.expect("at least one repetition");
-        let statistics = measure(first.layout, &workspace.wide, &summary, params)?;
+        let build = || builder.build(&workspace, positions, count, false).with_context(context);
+        let report =
+            again_and_again(warm_up, repetitions, build, |report| each(describe::repetition(report)))?;
+        let summary = report.summary;
+        let statistics = measure(layout_of_first, &workspace.wide, &summary, params)?;
         let tree = workspace.wide.tree(&summary, extent);
         if !variant.by_view {
             // The rest of the workspace, several times the tree, is freed here.
-            let planted = Planted { tree, statistics, _memory: workspace.wide };
+            let planted = Planted { tree, statistics, _memory: Memory::Ours(Box::new(workspace.wide)) };
             return Ok(Plant::Planted(Box::new(planted)));
         }
-        let widen = Widen::new(&self.gpu, &params.build(variant), variant.layout).with_context(context)?;
+        let widen = Widen::new(&self.gpu, &params.build(variant), layout).with_context(context)?;
         Ok(Plant::Seedling(Box::new(Seedling {
             variant,
+            layout,
             params: params.clone(),
             sampler: self.traversal(&tree, variant, params, Counting::Visits)?,
             visits: VisitCounter::new(&self.gpu, workspace.leaves()).with_context(context)?,

@@ -42,8 +42,8 @@ pub fn summary(record: &Record) -> String {
             number(cost.map(|c| c.nodes)),
             number(cost.map(|c| c.boxes)),
             number(cost.map(|c| c.triangles)),
-            number(Some(point.of_trees(|t| t.sah_cost))),
-            number(Some(point.of_trees(|t| (t.node_bytes + t.triangle_bytes) as f64 / 1048576.0))),
+            number(point.of_trees(|t| t.sah_cost)),
+            number(point.of_trees(|t| t.all_bytes().map(|bytes| bytes as f64 / 1048576.0))),
             bytes(point).map_or_else(|| "–".into(), |b| format!("{b:.0}")),
         ];
         if many {

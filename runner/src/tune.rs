@@ -77,7 +77,12 @@ struct Found {
 /// # Errors
 /// A scene or the device failed, or no sample counts.
 pub fn tune(global: &Global, arguments: &args::Tune) -> anyhow::Result<()> {
-    let variants = Variant::select(&arguments.variant)?;
+    let mut variants = Variant::select(&arguments.variant)?;
+    // The driver chooses for itself.
+    variants.retain(|variant| !variant.is_driver());
+    if variants.is_empty() {
+        bail!("there is nothing to tune about {}: choose another variant", Variant::DRIVER);
+    }
     for name in ["trace.primary_subgroups", "trace.secondary_subgroups", "collapse.c_t"] {
         if arguments
             .paths
@@ -200,7 +205,7 @@ impl<'a> Tuning<'a> {
                 params.trace.primary_subgroups = subgroups;
                 params.trace.secondary_subgroups = subgroups;
                 params.collapse.traversal_cost = cost;
-                if params.trace(variant).fits(&session.gpu, variant.layout) {
+                if params.fits(variant, &session.gpu) {
                     let times = views.iter().map(|views| vec![Vec::new(); views.len()]).collect();
                     arms.push(Arm { subgroups, cost, params, times });
                 }

@@ -3,22 +3,24 @@
 use std::collections::HashMap;
 use std::fmt;
 use std::sync::LazyLock;
+use tracer::driver;
+use tracer::gpu::DeviceInfo;
 use tracer::layout::Layout;
 use tracer::traverse::Language::{self, Glsl, Slang};
 
-/// A variant; its name follows the thesis: `<Arity> [Slang] [Quantized] [CBTC]`, or `Wide8 Compressed`.
+/// A variant; its name follows the thesis: `<Arity> [Slang] [Quantized] [CBTC]`, or `Wide8 Compressed`, or `Driver`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Variant {
-    /// How nodes are stored, and how many children they have.
-    pub layout: Layout,
-    /// What its traversal is written in.
+    /// How nodes are stored, and how many children they have; nothing where the driver builds and traces.
+    pub layout: Option<Layout>,
+    /// What its traversal is written in; without meaning where that is the driver's.
     pub language: Language,
     /// Whether boxes share a node according to how often sample rays of a view visit them.
     pub by_view: bool,
 }
 
 const fn of(layout: Layout, language: Language, by_view: bool) -> Variant {
-    Variant { layout, language, by_view }
+    Variant { layout: Some(layout), language, by_view }
 }
 
 /// All ways to trace a layout that is not binary, in the thesis's order.
@@ -39,6 +41,9 @@ impl Variant {
     /// The one that all others are compared with.
     pub const BINARY: Self = of(Layout::Binary, Glsl, false);
 
+    /// The driver's own ray tracing.
+    pub const DRIVER: Self = Variant { layout: None, language: Glsl, by_view: false };
+
     /// Every variant, in the order of tables.
     pub const ALL: &[Self] = {
         const WIDE: [[Variant; 8]; 3] = [
@@ -46,8 +51,8 @@ impl Variant {
             wide(Layout::Wide6, Layout::Quantized6),
             wide(Layout::Wide8, Layout::Quantized8),
         ];
-        const ALL: [Variant; 27] = {
-            let mut all = [Variant::BINARY; 27];
+        const ALL: [Variant; 28] = {
+            let mut all = [Variant::BINARY; 28];
             all[1] = of(Layout::Binary, Slang, false);
             let mut at = 0;
             while at < 24 {
@@ -55,6 +60,7 @@ impl Variant {
                 at += 1;
             }
             all[26] = of(Layout::Compressed8, Glsl, false);
+            all[27] = Variant::DRIVER;
             all
         };
         &ALL
@@ -67,13 +73,14 @@ impl Variant {
             let all = Layout::ALL.iter().flat_map(|&layout| {
                 Language::ALL.map(|language| [false, true].map(|by_view| of(layout, language, by_view)))
             });
-            all.flatten().map(|variant| (variant, variant.spelled())).collect()
+            all.flatten().chain([Variant::DRIVER]).map(|variant| (variant, variant.spelled())).collect()
         });
         &NAMES[&self]
     }
 
     fn spelled(self) -> String {
-        let arity = match self.layout {
+        let Some(layout) = self.layout else { return "Driver".into() };
+        let arity = match layout {
             Layout::Binary => "Binary",
             Layout::Wide4 | Layout::Quantized4 => "Wide4",
             Layout::Wide6 | Layout::Quantized6 => "Wide6",
@@ -81,8 +88,8 @@ impl Variant {
         };
         let words = [
             ("Slang", self.language == Slang),
-            ("Quantized", self.layout.is_quantized()),
-            ("Compressed", self.layout.is_compressed()),
+            ("Quantized", layout.is_quantized()),
+            ("Compressed", layout.is_compressed()),
             ("CBTC", self.by_view),
         ];
         let words = words.iter().filter(|(_, holds)| *holds).map(|(word, _)| *word);
@@ -91,15 +98,34 @@ impl Variant {
 
     /// What its traversal is written in.
     pub fn language(self) -> &'static str {
-        match self.language {
-            Glsl => "GLSL",
-            Slang => "Slang",
+        match (self.layout, self.language) {
+            (None, _) => "driver",
+            (_, Glsl) => "GLSL",
+            (_, Slang) => "Slang",
         }
     }
 
     /// Why this build does not have it; nothing where it does.
     pub fn missing(self) -> Option<&'static str> {
         self.language.missing()
+    }
+
+    /// Whether the driver builds and traces.
+    pub fn is_driver(self) -> bool {
+        self.layout.is_none()
+    }
+
+    /// Why a device does not have it, although this build does; nothing where it does.
+    pub fn unavailable(self, device: &DeviceInfo) -> Option<tracer::Error> {
+        if self.is_driver() { driver::check(device).err() } else { None }
+    }
+
+    /// Whether one of `patterns` names it alone, and none takes it away: it is missed where it is not there.
+    pub fn is_asked_for(self, patterns: &[String]) -> bool {
+        let alone = |pattern: &String| {
+            !pattern.starts_with('!') && Self::named(pattern).is_ok_and(|named| named == [self])
+        };
+        patterns.iter().any(alone) && Self::choose(patterns).is_ok_and(|chosen| chosen.contains(&self))
     }
 
     /// The variants that `pattern` names, whether this build has them or not: `*` stands for any text, `all` for
@@ -206,7 +232,7 @@ mod tests {
         let built: Vec<_> = Variant::ALL.iter().filter(|v| v.missing().is_none()).copied().collect();
         assert_eq!(all, built);
         let glsl = Variant::select(&["all".into(), "!* Slang *".into()]).unwrap();
-        assert_eq!(glsl.len(), 14);
+        assert_eq!(glsl.len(), 15);
         assert!(glsl.iter().all(|variant| variant.language == Glsl));
         assert!(Variant::select(&["Wide4".into(), "!Wide*".into()]).is_err());
         let languages = if Slang.missing().is_none() { 2 } else { 1 };
@@ -219,7 +245,8 @@ mod tests {
         let error = Variant::select(&["Trinary".into()]).unwrap_err().to_string();
         assert!(error.contains("Trinary") && error.contains("Wide8 Quantized CBTC"), "{error}");
         assert_eq!(Variant::one("BINARY").unwrap(), Variant::BINARY);
-        assert_eq!(Variant::one("wide4 quantized").unwrap().layout, Layout::Quantized4);
+        assert_eq!(Variant::one("wide4 quantized").unwrap().layout, Some(Layout::Quantized4));
+        assert_eq!(Variant::one("driver").unwrap(), Variant::DRIVER);
         assert!(Variant::one("wide4*").is_err());
     }
 
@@ -228,7 +255,7 @@ mod tests {
         let mut names: Vec<_> = Variant::ALL.iter().map(|v| v.name()).collect();
         names.sort_unstable();
         names.dedup();
-        assert_eq!(names.len(), 27);
+        assert_eq!(names.len(), 28);
     }
 
     #[test]
@@ -239,6 +266,17 @@ mod tests {
         assert_eq!(names, first);
         assert_eq!(Variant::ALL[25].name(), "Wide8 Slang Quantized CBTC");
         assert_eq!(Variant::ALL[26].name(), "Wide8 Compressed");
+        assert_eq!(Variant::ALL[27].name(), "Driver");
         assert_eq!(of(Layout::Binary, Slang, true).name(), "Binary Slang CBTC");
+    }
+
+    #[test]
+    fn what_is_named_alone_is_asked_for() {
+        let asked = |patterns: &[&str]| {
+            Variant::DRIVER.is_asked_for(&patterns.iter().map(|&p| p.into()).collect::<Vec<_>>())
+        };
+        assert!(asked(&["Driver"]) && asked(&["all", "driver"]) && asked(&["Binary", "Dri*"]));
+        assert!(!asked(&["all"]) && !asked(&["*"]) && !asked(&["Binary"]) && !asked(&["*r*"]));
+        assert!(!asked(&["Driver", "!Driver"]) && !asked(&["Driver", "!*"]));
     }
 }

@@ -110,7 +110,7 @@ fn a_run_writes_a_valid_record_and_a_table() {
     for point in &record.results {
         assert_eq!(point.build.repetitions.len(), 1);
         assert!(point.build.repetitions[0].phases.len() == 6);
-        assert!(point.tree.average_triangles_per_leaf <= 4.0);
+        assert!(point.tree.average_triangles_per_leaf.unwrap() <= 4.0);
         assert_eq!(point.views.len(), 3);
         for view in &point.views {
             assert_eq!(view.samples.len(), 2);
@@ -209,6 +209,95 @@ fn mistakes_on_the_command_line_are_explained() {
     fails(at, "trace gone.rays --scene cornell", 1, &["gone.rays"]);
     fails(at, "trace . --scene cornell", 1, &["cannot read"]);
     assert_eq!(fs::read_dir(at).unwrap().count(), 0, "mistakes leave no files");
+}
+
+#[test]
+fn what_the_device_can_do_at_best_is_measured_and_written() {
+    let here = folder();
+    let at = here.path();
+    let started = Instant::now();
+    let output = works(at, "roofline --quick -o new/roof.json --validate");
+    assert!(started.elapsed() < Duration::from_secs(60), "{:?}", started.elapsed());
+    let table = text(&output.stdout);
+    for words in ["GB/s", "Random node reads, billions a second", "80 B", "together", "byte to float"] {
+        assert!(table.contains(words), "{words} in\n{table}");
+    }
+    assert!(table.lines().all(|line| line.chars().count() <= 120), "{table}");
+    let roofline = record::Roofline::read(at.join("new/roof.json")).unwrap();
+    assert!(roofline.copy_bytes_per_second > 0.0 && roofline.rates.len() == 7);
+    assert!(roofline.node_reads.iter().any(|reads| reads.node_bytes == 80 && reads.together));
+    let json = works(at, "roofline --quick --json -q").stdout;
+    let json: record::Roofline = serde_json::from_slice(&json).unwrap();
+    assert_eq!(json.device, roofline.device);
+    fails(at, "roofline --device Voodoo", 1, &["Voodoo"]);
+}
+
+/// Whether the driver of the device that tests run on traces rays.
+fn driver_is_there() -> bool {
+    let listed: serde_json::Value =
+        serde_json::from_slice(&works(folder().path(), "variants --json").stdout).unwrap();
+    listed.as_array().unwrap().iter().find(|v| v["name"] == "Driver").unwrap()["missing"].is_null()
+}
+
+#[test]
+fn the_drivers_own_ray_tracing_is_measured_or_said_to_be_unavailable() {
+    let here = folder();
+    let at = here.path();
+    let line = "run cornell:triangles=100 --samples 1 --size 16x9 --views 0 --builds 2 -o x.json";
+    let listed = text(&works(at, "variants").stdout);
+    let row = listed.lines().find(|line| line.starts_with("Driver ")).unwrap();
+    if driver_is_there() {
+        assert!(!row.contains("unavailable"), "{row}");
+        let table = text(&works(at, &format!("{line} --variant Driver --variant Binary --validate")).stdout);
+        let record = valid(&at.join("x.json"));
+        assert!(record.left_out.is_empty());
+        let [driver, binary] = &record.results[..] else { panic!() };
+        assert_eq!(driver.variant, "Driver");
+        // What the driver does not tell is absent.
+        assert!(driver.kernels.is_empty() && driver.views[0].counters.is_none());
+        let tree = &driver.tree;
+        assert_eq!((tree.nodes, tree.sah_cost, tree.node_bytes), (None, None, None));
+        assert!(tree.bytes.unwrap() > 0 && binary.tree.bytes.is_none());
+        let phases: Vec<_> =
+            driver.build.repetitions[1].phases.iter().map(|phase| phase.name.as_str()).collect();
+        assert_eq!(phases, ["bottom", "compact", "top"]);
+        // The same primary rays; a bounce from an edge may go another way.
+        let rays = |point: &record::Point| point.views[0].samples[0].depths.iter().map(|d| d.rays).collect();
+        let (theirs, ours): (Vec<u64>, Vec<u64>) = (rays(driver), rays(binary));
+        assert_eq!((theirs[0], theirs.len()), (ours[0], ours.len()));
+        assert!(theirs.iter().zip(&ours).all(|(a, b)| a.abs_diff(*b) <= 2), "{theirs:?} {ours:?}");
+        let row = table.lines().find(|line| line.contains("Driver")).unwrap();
+        assert!(row.matches('–').count() >= 4, "{row}");
+        let replayed = format!("{line} --variant Driver --set driver.build=fast-build --method replay");
+        works(at, &format!("{replayed} --set driver.compact=false --set driver.row=8"));
+        let record = valid(&at.join("x.json"));
+        assert_eq!(record.results[0].build.repetitions[0].phases.len(), 2);
+        let checked = text(&works(at, "validate cornell:triangles=100 --variant Driver --views 0").stdout);
+        assert!(checked.contains("brute force") && checked.contains("everything holds"), "{checked}");
+        fails(at, "render cornell --view 0 --variant Driver --heatmap nodes -o x.png", 1, &["does not tell"]);
+        let single = format!("{line} --variant Driver --set trace.kernels=single");
+        fails(at, &single, 1, &["trace.kernels=separate"]);
+        return;
+    }
+    assert!(row.contains("unavailable") && listed.contains("VK_KHR_ray_tracing_pipeline"), "{listed}");
+    fails(at, "resources --variant Driver", 1, &["does not tell"]);
+    let words = ["Driver is unavailable", "VK_KHR_ray_tracing_pipeline", "runner devices"];
+    fails(at, &format!("{line} --variant Driver"), 3, &words);
+    for other in ["validate", "render --view 0 -o x.png", "rays -o x.rays"] {
+        let (command, rest) = other.split_once(' ').unwrap_or((other, ""));
+        fails(at, &format!("{command} cornell:triangles=100 {rest} --variant Driver"), 3, &words);
+    }
+    assert_eq!(fs::read_dir(at).unwrap().count(), 0, "nothing was measured");
+    // What else was asked for is measured all the same.
+    fails(at, &format!("{line} --variant Driver --variant Binary -q"), 3, &words);
+    let record = valid(&at.join("x.json"));
+    assert!(record.finished.is_some() && record.results.len() == 1);
+    assert_eq!(record.left_out.len(), 1);
+    assert!(record.left_out[0].variant == "Driver" && record.left_out[0].reason.contains(words[0]));
+    // Among many it is left out with a remark.
+    let remarks = text(&works(at, &format!("{line} --variant *r* --variant !*CBTC")).stderr);
+    assert!(remarks.contains("left out: Driver is unavailable"), "{remarks}");
+    assert!(valid(&at.join("x.json")).left_out.is_empty());
 }
 
 #[test]
@@ -453,7 +542,7 @@ fn every_variant_is_measured_and_compared() {
                 assert!(adaptation.sampling_milliseconds[0] > 0.0);
             }
         }
-        let children = point.of_trees(|t| t.average_children);
+        let children = point.of_trees(|t| t.average_children).unwrap();
         assert_eq!(point.variant.starts_with("Binary"), children == 2.0, "{}: {children}", point.variant);
         // What a variant has of its own is in its point.
         let compressed = point.variant == "Wide8 Compressed";
@@ -542,17 +631,20 @@ fn variants_are_listed_with_their_nodes() {
     let json: serde_json::Value =
         serde_json::from_slice(&works(here.path(), "variants --json").stdout).unwrap();
     let all = json.as_array().unwrap();
-    assert_eq!(all.len(), 27);
+    assert_eq!(all.len(), 28);
     let slang = all.iter().filter(|variant| variant["language"] == "Slang");
     assert_eq!(slang.clone().count(), 13);
-    // Where the build has no Slang compiler, all of them are unavailable, and nothing else is.
+    // Where the build has no Slang compiler, all of them are unavailable, and nothing else that is ours.
+    let glsl = |variant: &serde_json::Value| variant["language"] == "GLSL" && variant["missing"].is_null();
+    assert_eq!(all.iter().filter(|variant| glsl(variant)).count(), 14);
+    let without_slang = slang.clone().all(|variant| variant["missing"].is_string());
     for variant in slang {
         let name = variant["name"].as_str().unwrap();
         let row = table.lines().find(|line| line.starts_with(&format!("{name}  "))).unwrap();
         assert_eq!(row.contains("unavailable"), variant["missing"].is_string(), "{row}");
-        assert_eq!(variant["missing"].is_string(), built() == 14, "{name}");
+        assert_eq!(variant["missing"].is_string(), without_slang, "{name}");
     }
-    if built() == 14 {
+    if without_slang {
         assert!(table.contains("unavailable: no slangc"), "{table}");
         fails(here.path(), "resources --variant *Slang*", 1, &["without Binary Slang: no slangc"]);
     }

@@ -442,3 +442,30 @@ fn tuning_finds_values_with_a_part_of_the_samples() {
     assert!((58..=140).contains(&spent) && told.contains("of the grid's 216 samples"), "{told}");
     fails(at, "tune cornell --set collapse.c_t=2", &["that is what is looked for"]);
 }
+
+/// One config serves devices whose driver traces rays and others.
+#[test]
+fn points_of_a_driver_that_traces_no_rays_are_left_out() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    let config = |variants: &str| {
+        format!(
+            "title = \"Driver\"\nscenes = [\"cornell:triangles=100\"]\nvariants = [{variants}]\nviews = \"0\"\n\
+             size = \"16x9\"\nbuilds = 1\nsamples = 1\n[[axis]]\nparameter = \"driver.build\"\n\
+             values = [\"fast-trace\", \"fast-build\"]\nwhen = {{ variant = \"Driver\" }}\n"
+        )
+    };
+    fs::write(at.join("both.toml"), config("\"Binary\", \"Driver\"")).unwrap();
+    fs::write(at.join("only.toml"), config("\"Driver\"")).unwrap();
+    let (_, err) = works(at, "sweep both.toml -o out");
+    let record = valid(&at.join("out/record.json"));
+    let (output, _, alone) = run(at, "sweep only.toml -o only");
+    if err.contains("2 points are left out: Driver is unavailable") {
+        assert_eq!(points(&record).len(), 1);
+        assert_eq!(output.status.code(), Some(3), "{alone}");
+        assert!(alone.contains("VK_KHR_ray_tracing_pipeline"), "{alone}");
+    } else {
+        assert_eq!(points(&record).len(), 3, "{err}");
+        assert!(output.status.success(), "{alone}");
+    }
+}

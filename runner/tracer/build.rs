@@ -1,4 +1,4 @@
-//! Compiles every `*.comp` under `src/` to SPIR-V and writes the module `shaders`, one `Shader` each.
+//! Compiles every shader under `src/` (`*.comp`, and `*.rgen` and the like) to SPIR-V and writes the module `shaders`, one `Shader` each.
 //!
 //! `src/ploc/nearest.comp` becomes `shaders::PLOC_NEAREST`; one that `src/permutations.rs` lists becomes
 //! several, and a function that picks among them, such as `shaders::layout_encode(layout)`. The compiler's own dependency file tells
@@ -12,7 +12,7 @@ use std::{
 
 #[path = "src/permutations.rs"]
 mod permutations;
-use permutations::{ARITIES, IN_SLANG, Layout, PER_ARITY, PER_LAYOUT};
+use permutations::{ARITIES, IN_SLANG, KINDS, Layout, PER_ARITY, PER_LAYOUT};
 use slang_depbuild::{Depfile, Job, Slangc, compile, up_to_date};
 
 const TARGET: &str = "vulkan1.2";
@@ -57,8 +57,9 @@ fn main() {
                 }
             }
             let symbol = file.to_uppercase();
+            let kind = source.extension().unwrap_or_default().display();
             module += &format!(
-                "/// Compiled from `src/{stem}.comp`.\npub static {symbol}: Shader = Shader {{ name: {name:?}, spirv: include_bytes!({spirv:?}) }};\n",
+                "/// Compiled from `src/{stem}.{kind}`.\npub static {symbol}: Shader = Shader {{ name: {name:?}, spirv: include_bytes!({spirv:?}) }};\n",
             );
             all.push(format!("&{symbol}"));
         }
@@ -219,7 +220,7 @@ fn find(folder: &Path, sources: &mut Vec<PathBuf>) {
         let path = entry.path();
         if path.is_dir() {
             find(&path, sources);
-        } else if path.extension().is_some_and(|e| e == "comp") {
+        } else if path.extension().is_some_and(|e| KINDS.iter().any(|kind| e == *kind)) {
             sources.push(path);
         }
     }

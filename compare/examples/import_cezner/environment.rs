@@ -46,6 +46,7 @@ pub fn empty() -> Record {
         parameters,
         results: Vec::new(),
         references: Vec::new(),
+        left_out: Vec::new(),
     }
 }
 

@@ -54,15 +54,16 @@ fn point(table: u32, row: &Row, columns: &Columns, index: usize) -> Point {
     let launch = |mrps: f64| Launch { rays: RAYS, milliseconds: RAYS as f64 / (mrps * 1e3) };
     let counted = |per_ray: f64| (per_ray * COUNTED as f64).round() as u64;
     let tree = Tree {
-        nodes: 0,
+        nodes: Some(0),
         // Not printed, and a tree without a leaf would not be sound.
-        leaves: 1,
-        node_bytes: 0,
-        triangle_bytes: 0,
-        average_children: row.avg_children,
-        average_triangles_per_leaf: 0.0,
-        depth: 0,
-        sah_cost: 0.0,
+        leaves: Some(1),
+        node_bytes: Some(0),
+        triangle_bytes: Some(0),
+        average_children: Some(row.avg_children),
+        average_triangles_per_leaf: Some(0.0),
+        depth: Some(0),
+        sah_cost: Some(0.0),
+        bytes: None,
     };
     let total = columns.build[index];
     let (first, adaptation) = match row.sample_ms {

@@ -18,6 +18,7 @@ pub mod overall;
 pub mod pairs;
 pub mod ratios;
 pub mod records;
+pub mod roofline;
 pub mod samples;
 pub mod scenes;
 pub mod sweep;
@@ -56,6 +57,9 @@ pub struct Arguments {
     /// The variant that others are relative to.
     #[arg(long, value_name = "VARIANT", default_value = REFERENCE)]
     pub reference: String,
+    /// What the device can do at best, as `runner roofline -o FILE` has measured it; adds pictures of that kind.
+    #[arg(long, value_name = "FILE")]
+    pub roofline: Option<PathBuf>,
     /// Which points.
     #[command(flatten)]
     pub filter: Filter,
@@ -92,11 +96,13 @@ pub enum Kind {
     Cost,
     /// Samples one after another, with the clock.
     Samples,
+    /// How near the kernels come to what the device can do at best; takes --roofline.
+    Roofline,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Kind; 8] = [
+    pub const ALL: [Kind; 9] = [
         Kind::Overall,
         Kind::Scenes,
         Kind::Pairs,
@@ -105,6 +111,7 @@ impl Kind {
         Kind::Build,
         Kind::Cost,
         Kind::Samples,
+        Kind::Roofline,
     ];
 }
 
@@ -119,11 +126,13 @@ impl fmt::Display for Kind {
             Kind::Build => "build",
             Kind::Cost => "cost",
             Kind::Samples => "samples",
+            Kind::Roofline => "roofline",
         })
     }
 }
 
-/// The charts of one kind that a selection has. `Kind::Records` needs two records: see [`records::charts`].
+/// The charts of one kind that a selection has. `Kind::Records` needs two records, see [`records::charts`], and
+/// `Kind::Roofline` what the device can do, see [`roofline::charts`].
 pub fn charts(selection: &Selection, kind: Kind, reference: &str) -> Found {
     match kind {
         Kind::Overall => overall::charts(selection, reference),
@@ -134,6 +143,9 @@ pub fn charts(selection: &Selection, kind: Kind, reference: &str) -> Found {
         Kind::Build => build::charts(selection),
         Kind::Cost => cost::charts(selection, reference),
         Kind::Samples => samples::charts(selection),
+        Kind::Roofline => {
+            Found::nothing("it takes what `runner roofline -o FILE` measures, as --roofline FILE")
+        }
     }
 }
 
@@ -164,6 +176,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
         "not comparable:\n  {}\nDraw them one by one, or with --anyway all the same.",
         obstacles.join("\n  ")
     );
+    let roofline =
+        arguments.roofline.as_ref().map(|path| crate::roofline::load(path, &records)).transpose()?;
     let joined = join::join(&records)?;
     let selection = Selection::filtered(&joined, &arguments.filter)?;
     let unvaried = ratios::unvaried(&selection);
@@ -179,6 +193,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
     let mut charts = Vec::new();
     for &kind in kinds {
         let mut found = match (kind, &records[..]) {
+            (Kind::Roofline, _) if roofline.is_some() => {
+                roofline.as_ref().map(|roofline| roofline::charts(&selection, roofline)).unwrap_or_default()
+            }
             (Kind::Records, [old, new]) => records::charts(
                 &Selection::filtered(old, &arguments.filter)?,
                 &Selection::filtered(new, &arguments.filter)?,
@@ -188,8 +205,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
         if kind != Kind::Records {
             found.charts.iter_mut().for_each(|chart| notes::mark(chart, &obstacles));
         }
-        // That records have no points in common is no news unless somebody asked.
-        if kind != Kind::Records || !arguments.only.is_empty() {
+        // That records have no points in common, or that there is no roofline, is no news unless somebody asked.
+        let asked = !arguments.only.is_empty();
+        if asked || (kind != Kind::Records && (kind != Kind::Roofline || roofline.is_some())) {
             found.remarks.iter().for_each(|remark| say(format_args!("left out of {kind}: {remark}")));
         }
         charts.extend(found.charts);

@@ -23,6 +23,7 @@ fn title(kind: Kind) -> (&'static str, bool) {
         Kind::Build => ("Where the time of builds goes", true),
         Kind::Cost => ("Cost by number of triangles", false),
         Kind::Samples => ("Samples in the order measured", true),
+        Kind::Roofline => ("How near to what the device can do at best", false),
     }
 }
 
@@ -31,7 +32,7 @@ pub fn markup(chapter: &Chapter) -> Markup {
     let mut left = TOGETHER;
     let mut out = Vec::new();
     let mut without = Vec::new();
-    for kind in Kind::ALL.into_iter().filter(|kind| *kind != Kind::Records) {
+    for kind in Kind::ALL.into_iter().filter(|kind| ![Kind::Records, Kind::Roofline].contains(kind)) {
         let found = charts(&chapter.selection, kind, chapter.reference);
         without.extend(found.remarks.into_iter().map(|remark| format!("{kind}: {remark}")));
         let mut drawn = Vec::new();

@@ -60,7 +60,9 @@ fn table(input: &Input, source: &Shown) -> anyhow::Result<Table> {
 
 /// What there is to say of the trees; nothing where they are all alike, because only kernels differ.
 fn trees(rows: &Rows) -> Vec<Numbers> {
-    let nodes = |point: &Point| Some(point.of_trees(|tree| tree.nodes as f64)).filter(|&nodes| nodes > 0.0);
+    let nodes = |point: &Point| {
+        point.of_trees(|tree| tree.nodes.map(|nodes| nodes as f64)).filter(|&nodes| nodes > 0.0)
+    };
     let (nodes, _) = rows.ratios("nodes", nodes);
     if nodes.iter().flatten().all(|ratio| (ratio - 1.0).abs() < 1e-9) {
         return Vec::new();

@@ -1,7 +1,7 @@
 //! `compare latex` and `compare markdown`.
 
 use super::{Input, Kind, latex, markdown};
-use crate::{Exit, load::load, output::print, say, select::Filter};
+use crate::{Exit, load::load, output::print, roofline, say, select::Filter};
 use record::{Launches, Rays, Record};
 use std::path::PathBuf;
 
@@ -23,6 +23,9 @@ pub struct Arguments {
     /// Which rays decide what is best, where the axis does not say
     #[arg(long, value_enum, default_value_t = RaysArgument::All)]
     pub rays: RaysArgument,
+    /// In roofline, what the device can do at best, as `runner roofline -o FILE` has measured it
+    #[arg(long, value_name = "FILE")]
+    pub roofline: Option<PathBuf>,
     /// In bounces, rates of the fastest launch of each view instead of the median one
     #[arg(long)]
     pub best: bool,
@@ -84,6 +87,7 @@ fn written(arguments: &Arguments, write: impl Fn(&[super::Table]) -> String) -> 
     let mut input = Input::new(&records, &arguments.filter, arguments.relative_to.as_deref())?;
     input.rays = arguments.rays.into();
     input.launches = if arguments.best { Launches::Best } else { Launches::Median };
+    input.roofline = arguments.roofline.as_ref().map(|path| roofline::load(path, &records)).transpose()?;
     let tables = arguments.table.tables(&input)?;
     for remark in input.remarks.borrow().iter() {
         say(remark);

@@ -1,7 +1,7 @@
 //! What tables are made of.
 
 use crate::select::{Entry, Filter, REFERENCE, Selection, differing, text};
-use record::{Launches, OF_SCENE, Parameters, Point, Rays, Record};
+use record::{Launches, OF_SCENE, Parameters, Point, Rays, Record, Roofline};
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,6 +18,8 @@ pub struct Input<'r> {
     pub launches: Launches,
     /// Rays that decide where both kinds are concerned.
     pub rays: Rays,
+    /// What the device can do at best, where somebody has it.
+    pub roofline: Option<Roofline>,
     /// What whoever reads the tables should know about how they came to be.
     pub remarks: RefCell<Vec<String>>,
 }
@@ -87,6 +89,7 @@ impl<'r> Input<'r> {
             reference: reference.unwrap_or(REFERENCE).to_owned(),
             launches: Launches::default(),
             rays: Rays::All,
+            roofline: None,
             remarks: RefCell::default(),
         })
     }

@@ -1,8 +1,8 @@
 //! Which tables there are.
 
 use super::{
-    Input, Table, best, bounces, memory, resources, scene, single_kernel, tests_per_ray, traversal_cost,
-    workgroup,
+    Input, Table, best, bounces, memory, resources, roofline, scene, single_kernel, tests_per_ray,
+    traversal_cost, workgroup,
 };
 
 /// A kind of table.
@@ -26,11 +26,13 @@ pub enum Kind {
     Tests,
     /// Bytes of nodes for each triangle (the same, 6)
     Memory,
+    /// How near the kernels come to what the device can do at best; takes --roofline
+    Roofline,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Kind; 9] = [
+    pub const ALL: [Kind; 10] = [
         Kind::Scene,
         Kind::Workgroup,
         Kind::TraversalCost,
@@ -40,6 +42,7 @@ impl Kind {
         Kind::Bounces,
         Kind::Tests,
         Kind::Memory,
+        Kind::Roofline,
     ];
 
     /// The tables of this kind that come of some records; at least one.
@@ -57,6 +60,7 @@ impl Kind {
             Kind::Bounces => bounces::tables(input),
             Kind::Tests => tests_per_ray::tables(input),
             Kind::Memory => memory::tables(input),
+            Kind::Roofline => roofline::tables(input),
         }
     }
 }

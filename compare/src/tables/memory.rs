@@ -40,6 +40,6 @@ fn table(input: &Input, source: &Shown) -> anyhow::Result<Table> {
 }
 
 fn bytes(point: &Point) -> Option<f64> {
-    Some(point.of_trees(|tree| tree.node_bytes as f64) / point.scene.triangles as f64)
+    Some(point.of_trees(|tree| tree.node_bytes.map(|bytes| bytes as f64))? / point.scene.triangles as f64)
         .filter(|&bytes| bytes > 0.0)
 }

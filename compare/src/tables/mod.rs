@@ -16,6 +16,7 @@ pub mod markdown;
 mod memory;
 mod method;
 mod resources;
+mod roofline;
 mod rows;
 #[cfg(test)]
 mod sample;

@@ -105,7 +105,7 @@ impl<'i, 'r> Rows<'i, 'r> {
     /// A figure in each row, averaged over the scenes.
     pub fn averages(&self, what: &str, figure: impl Fn(&Point) -> Option<f64>) -> Vec<Option<f64>> {
         let scenes = self.comparable(what, &figure);
-        let of = |one: &Series| mean(scenes.iter().map(|scene| figure(one.points[*scene])));
+        let of = |one: &Series| mean(scenes.iter().map(|scene| figure(one.points.get(*scene)?)));
         self.series.iter().map(of).collect()
     }
 
@@ -117,7 +117,7 @@ impl<'i, 'r> Rows<'i, 'r> {
         figure: impl Fn(&Point) -> Option<f64>,
     ) -> (Vec<Option<f64>>, Option<f64>) {
         let scenes = self.comparable(what, &figure);
-        let of = |one: &Series, scene: &str| figure(one.points[scene]);
+        let of = |one: &Series, scene: &str| figure(one.points.get(scene)?);
         let ratios = |one: &Series| {
             let each = scenes.iter().map(|scene| ratio(of(one, scene)?, of(&self.reference, scene)?));
             geometric_mean(each.collect::<Option<Vec<f64>>>()?)
@@ -133,15 +133,20 @@ impl<'i, 'r> Rows<'i, 'r> {
         [own, own.zip(of(&self.reference)).and_then(|(own, other)| ratio(own, other))]
     }
 
-    /// The scenes on which every row and the reference have a figure; that others are left out is remarked.
+    /// The scenes on which every row and the reference have a figure, but for those that have it nowhere, as the
+    /// driver's trees have none; that other scenes are left out is remarked.
     fn comparable(&self, what: &str, figure: &impl Fn(&Point) -> Option<f64>) -> Vec<&str> {
         let has =
             |one: &Series, scene: &str| one.points.get(scene).is_some_and(|point| figure(point).is_some());
-        let (whole, part): (Vec<&str>, Vec<&str>) = (self.scenes.iter().map(String::as_str))
-            .partition(|scene| self.series.iter().chain([&self.reference]).all(|one| has(one, scene)));
+        let knows = |one: &&Series| self.scenes.iter().any(|scene| has(one, scene));
+        let those: Vec<&Series> = self.series.iter().chain([&self.reference]).filter(knows).collect();
         // What no row has anywhere, such as bounces beyond the longest path, needs no remark.
-        let known = self.series.iter().any(|one| self.scenes.iter().any(|scene| has(one, scene)));
-        if known && !part.is_empty() {
+        if those.is_empty() {
+            return Vec::new();
+        }
+        let (whole, part): (Vec<&str>, Vec<&str>) = (self.scenes.iter().map(String::as_str))
+            .partition(|scene| those.iter().all(|one| has(one, scene)));
+        if !part.is_empty() {
             let part = part.join(", ");
             self.input.remark(format!("{part}: left out for {what}, because not every row has that there"));
         }

@@ -13,7 +13,7 @@ fn scenes() -> Record {
     for (scene, factor) in [("hall_1", 1.0), ("50% & more", 2.0)] {
         record.results.push(point(scene, "Binary", 1000.0 * factor, 200.0 * factor));
         let mut wide = point(scene, "Wide4", 900.0 * factor, 250.0 * factor);
-        wide.tree.average_children = 3.1;
+        wide.tree.average_children = Some(3.1);
         wide.views[0].counters = None;
         record.results.push(wide);
         let mut own = point(scene, "Wide4 CBTC", 950.0 * factor, 260.0 * factor);
@@ -139,11 +139,12 @@ fn replayed() -> Record {
         };
         let with_tree = |mut one: Point, nodes: u64, bytes: u64, children: f64, triangles: f64| {
             one.scene.triangles = 100_000;
-            one.tree.nodes = nodes;
-            one.tree.node_bytes = nodes * bytes;
-            (one.tree.average_children, one.tree.average_triangles_per_leaf) = (children, triangles);
-            one.tree.leaves = (124_000.0 / triangles) as u64;
-            one.tree.triangle_bytes = 124_000 * 48;
+            one.tree.nodes = Some(nodes);
+            one.tree.node_bytes = Some(nodes * bytes);
+            (one.tree.average_children, one.tree.average_triangles_per_leaf) =
+                (Some(children), Some(triangles));
+            one.tree.leaves = Some((124_000.0 / triangles) as u64);
+            one.tree.triangle_bytes = Some(124_000 * 48);
             one
         };
         record.results.push(with_tree(one("Binary", 400.0), 90_000, 64, 2.0, 3.48));
@@ -183,7 +184,8 @@ fn bounces_are_relative_to_the_first_row_or_to_another_variant() {
 
 #[track_caller]
 fn written(records: &[Record], kind: Kind) -> String {
-    let input = Input::new(records, &Filter::default(), None).unwrap();
+    let mut input = Input::new(records, &Filter::default(), None).unwrap();
+    input.roofline = Some(record::example_roofline());
     let tables = kind.tables(&input).unwrap();
     let remarks = input.remarks.take().join("\n");
     format!("{remarks}\n\n{}\n\n{}", markdown::page(&tables), latex::fragment(&tables))
@@ -200,6 +202,7 @@ fn each_kind_is_written_in_both_forms() {
     insta::assert_snapshot!("bounces", written(&[replayed()], Kind::Bounces));
     insta::assert_snapshot!("tests", written(&[replayed()], Kind::Tests));
     insta::assert_snapshot!("memory", written(&[replayed()], Kind::Memory));
+    insta::assert_snapshot!("roofline", written(&[scenes()], Kind::Roofline));
 }
 
 #[test]
@@ -269,6 +272,31 @@ fn what_a_record_lacks_is_an_error_that_says_what_to_do() {
     for kind in [Kind::Bounces, Kind::Tests] {
         assert!(kind.tables(&input).unwrap_err().to_string().contains("runner"), "{kind:?}");
     }
+}
+
+/// A row of the driver's own, of which little is known, takes nothing from the others.
+#[test]
+fn what_the_driver_does_not_tell_is_a_gap_in_its_row_alone() {
+    let mut record = replayed();
+    let mut driver = record.results[0].clone();
+    driver.variant = "Driver".into();
+    driver.tree = record::Tree { bytes: Some(1_000_000), ..record::Tree::default() };
+    driver.views.iter_mut().for_each(|view| view.counters = None);
+    let before = written(&[record.clone()], Kind::Tests);
+    record.results.push(driver);
+    for kind in [Kind::Tests, Kind::Memory, Kind::Roofline, Kind::Scene] {
+        let text = written(&[record.clone()], kind);
+        let row = text.lines().find(|line| line.contains("| Driver |")).unwrap();
+        assert!(row.contains('–') && !text.starts_with("left out"), "{kind:?}: {row}");
+    }
+    let after = written(&[record], Kind::Tests);
+    let rows = |text: &str| -> Vec<String> {
+        text.lines()
+            .filter(|line| line.starts_with("| ") && !line.contains("Driver"))
+            .map(str::to_owned)
+            .collect()
+    };
+    assert_eq!(rows(&before), rows(&after));
 }
 
 #[test]

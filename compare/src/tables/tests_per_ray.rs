@@ -5,7 +5,7 @@ use super::input::Shown;
 use super::rows::Rows;
 use super::{Cell, Column, Input, Table};
 use crate::figure::Figure;
-use record::{Count, Point, Utilization};
+use record::{Count, Point, Tree, Utilization};
 
 /// A column's head, what stands in its rows, and how many digits of that behind the point.
 type Figures = (Column, Vec<Option<f64>>, usize);
@@ -100,6 +100,6 @@ fn of_record(input: &Input, source: &Shown) -> anyhow::Result<Vec<Table>> {
 
 /// How often a triangle is in the tree: above 1 where triangles were split.
 fn duplication(point: &Point) -> Option<f64> {
-    let references = point.of_trees(|tree| tree.leaves as f64 * tree.average_triangles_per_leaf);
+    let references = point.of_trees(Tree::references)?;
     Some(references / point.scene.triangles as f64).filter(|&share| share > 0.0)
 }

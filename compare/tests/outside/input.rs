@@ -68,8 +68,8 @@ fn files_that_are_no_records() {
 
 #[test]
 fn records_of_another_time() {
-    told(&["follows schema 7", "newer"], |text| text.replacen("\"schema\":1", "\"schema\":7", 1));
-    told(&["follows schema 99999999999"], |text| text.replacen("\"schema\":1", "\"schema\":99999999999", 1));
+    told(&["follows schema 7", "newer"], |text| text.replacen("\"schema\":2", "\"schema\":7", 1));
+    told(&["follows schema 99999999999"], |text| text.replacen("\"schema\":2", "\"schema\":99999999999", 1));
 }
 
 #[test]

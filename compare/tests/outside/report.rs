@@ -196,7 +196,7 @@ fn odd_records_have_a_page_too() {
             for (index, value) in [f64::NAN, f64::INFINITY, -1.0].into_iter().enumerate() {
                 record.results[0].views[0].samples[index].depths[0].milliseconds = value;
                 record.results[1].build.repetitions[0].milliseconds = value;
-                record.results[1].tree.sah_cost = value;
+                record.results[1].tree.sah_cost = Some(value);
             }
         },
     ];

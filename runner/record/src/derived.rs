@@ -209,10 +209,10 @@ impl Point {
         if own.is_empty() { vec![&self.tree] } else { own }
     }
 
-    /// A figure of the tree that was traced, averaged over the views where each has its own.
-    pub fn of_trees(&self, figure: impl Fn(&Tree) -> f64) -> f64 {
-        let trees = self.trees();
-        trees.iter().map(|tree| figure(tree)).sum::<f64>() / trees.len() as f64
+    /// A figure of the tree that was traced, averaged over the views where each has its own; nothing where it is not
+    /// known of one.
+    pub fn of_trees(&self, figure: impl Fn(&Tree) -> Option<f64>) -> Option<f64> {
+        mean(self.trees().into_iter().map(figure))
     }
 
     fn adaptations(&self) -> impl Iterator<Item = &Adaptation> {
@@ -224,14 +224,31 @@ impl Point {
     /// Bytes of nodes and of triangles that a ray of a wavefront asks for, whichever cache they come from.
     pub fn bytes_per_ray(&self, met: &Count) -> Option<[f64; 2]> {
         let cost = met.per_ray()?;
-        let node = self.of_trees(|tree| tree.node_bytes as f64 / tree.nodes.max(1) as f64);
+        let node = self.of_trees(Tree::bytes_per_node)?;
         let triangle = self.of_trees(|tree| {
             // Where triangles were split, they are stored once for each leaf that refers to them.
-            let references = tree.leaves as f64 * tree.average_triangles_per_leaf;
+            let references = tree.references()?;
             let stored = if references > 0.0 { references } else { self.scene.triangles as f64 };
-            tree.triangle_bytes as f64 / stored.max(1.0)
-        });
+            Some(tree.triangle_bytes? as f64 / stored.max(1.0))
+        })?;
         Some([cost.nodes * node, cost.triangles * triangle])
+    }
+}
+
+impl Tree {
+    /// Bytes from one node to the next.
+    pub fn bytes_per_node(&self) -> Option<f64> {
+        Some(self.node_bytes? as f64 / self.nodes?.max(1) as f64)
+    }
+
+    /// Triangles in all leaves together; those that were split count once for each leaf.
+    pub fn references(&self) -> Option<f64> {
+        Some(self.leaves? as f64 * self.average_triangles_per_leaf?)
+    }
+
+    /// Bytes of nodes and triangles together.
+    pub fn all_bytes(&self) -> Option<u64> {
+        self.bytes.or_else(|| Some(self.node_bytes? + self.triangle_bytes?))
     }
 }
 
@@ -438,9 +455,9 @@ mod tests {
     fn bytes_are_those_of_nodes_and_of_stored_triangles() {
         let mut point = example().results[0].clone();
         point.views.iter_mut().for_each(|view| view.adaptation = None);
-        (point.tree.nodes, point.tree.node_bytes) = (10, 800);
-        (point.tree.leaves, point.tree.average_triangles_per_leaf) = (50, 2.0);
-        (point.tree.triangle_bytes, point.scene.triangles) = (4800, 60);
+        (point.tree.nodes, point.tree.node_bytes) = (Some(10), Some(800));
+        (point.tree.leaves, point.tree.average_triangles_per_leaf) = (Some(50), Some(2.0));
+        (point.tree.triangle_bytes, point.scene.triangles) = (Some(4800), 60);
         let met = Count { rays: 2, nodes: 6, boxes: 0, triangles: 8, utilization: None };
         assert_eq!(
             point.bytes_per_ray(&met),
@@ -448,7 +465,7 @@ mod tests {
             "3 nodes of 80 and 4 triangles of 48 bytes"
         );
         // As in records whose writers did not know.
-        point.tree.average_triangles_per_leaf = 0.0;
+        point.tree.average_triangles_per_leaf = Some(0.0);
         assert_eq!(point.bytes_per_ray(&met), Some([240.0, 320.0]));
         assert_eq!(point.bytes_per_ray(&Count::default()), None);
     }

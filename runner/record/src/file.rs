@@ -54,6 +54,25 @@ pub enum Error {
         /// Number of its schema.
         found: u64,
     },
+    /// The file is no roofline.
+    #[error("{path} is not what `runner roofline -o` writes", path = path.display())]
+    NoRoofline {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and in which line.
+        source: serde_json::Error,
+    },
+    /// The roofline was written by a newer version.
+    #[error(
+        "{path} follows schema {found} of rooflines: read it with the version that wrote it, or measure anew",
+        path = path.display()
+    )]
+    NewerRoofline {
+        /// The file.
+        path: PathBuf,
+        /// Number of its schema.
+        found: u32,
+    },
     /// The record holds a number that JSON cannot express.
     #[error("not written to {path}: {problem}", path = path.display())]
     Unwritable {
@@ -274,8 +293,8 @@ mod tests {
             fs::write(&path, text).unwrap();
             Record::read(&path).unwrap_err()
         };
-        assert!(matches!(read("{\"schema\": 2}"), Error::Newer { found: 2, .. }));
-        assert!(read("{\"schema\": 2}").to_string().contains("schema 2"));
+        assert!(matches!(read("{\"schema\": 3}"), Error::Newer { found: 3, .. }));
+        assert!(read("{\"schema\": 3}").to_string().contains("schema 3"));
         assert!(matches!(read("{}"), Error::NoSchema { .. }));
         assert!(matches!(read("{\"schema\": 0}"), Error::NoSchema { .. }));
         assert!(matches!(read("{\"schema\": 1}"), Error::Malformed { .. }));

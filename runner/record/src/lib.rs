@@ -26,6 +26,7 @@ mod host;
 mod kernel;
 mod parameters;
 mod point;
+mod roofline;
 mod stability;
 pub mod stats;
 mod sweep;
@@ -44,6 +45,7 @@ pub use point::{
     Adaptation, Adopted, Build, Count, Counters, Exclusion, Launch, Measurement, OF_SCENE, Phase, Point,
     Repetition, Sample, Scene, Source, Stop, Tree, Utilization, View,
 };
+pub use roofline::{NodeReads, Operation, ROOFLINE_SCHEMA, Rate, Roofline, example_roofline};
 pub use stability::{
     Hold, Inhibition, Policy, REPORT_VARIABLE, Report, Restoration, Stabilized, State, TOLERANCE,
     ThrottleTimes, Throttling, Verdict, process_started,
@@ -59,7 +61,9 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 /// The number of the schema that this version writes, and the newest that it reads.
-pub const SCHEMA: u32 = 1;
+///
+/// Since 2, what is not known of a tree is absent.
+pub const SCHEMA: u32 = 2;
 
 /// One run of `runner`: what ran, where, with which settings, and everything it measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -97,6 +101,18 @@ pub struct Record {
     /// One point of a sweep, measured again and again between the others, to see whether the device drifted.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub references: Vec<Point>,
+    /// Variants that were asked for and could not be measured.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<LeftOut>,
+}
+
+/// A variant that was asked for and could not be measured.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct LeftOut {
+    /// Its name.
+    pub variant: String,
+    /// Why not.
+    pub reason: String,
 }
 
 /// Settings of a whole run.
@@ -210,6 +226,7 @@ impl Record {
             parameters: Parameters::default(),
             results: Vec::new(),
             references: Vec::new(),
+            left_out: Vec::new(),
         }
     }
 

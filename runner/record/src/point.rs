@@ -163,25 +163,37 @@ pub struct Phase {
     pub milliseconds: f64,
 }
 
-/// What a build made.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// What a build made. What the driver does not tell of a tree that it has built is absent.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct Tree {
     /// Nodes, leaves that are stored inside their parent not counted.
-    pub nodes: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nodes: Option<u64>,
     /// Leaves.
-    pub leaves: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leaves: Option<u64>,
     /// Bytes of all nodes.
-    pub node_bytes: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub node_bytes: Option<u64>,
     /// Bytes of all triangles as the traversal reads them.
-    pub triangle_bytes: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub triangle_bytes: Option<u64>,
+    /// Bytes of nodes and triangles together; only where they are not known apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bytes: Option<u64>,
     /// Children of a node, on average.
-    pub average_children: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub average_children: Option<f64>,
     /// Triangles of a leaf, on average.
-    pub average_triangles_per_leaf: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub average_triangles_per_leaf: Option<f64>,
     /// Most edges between the root and a leaf.
-    pub depth: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub depth: Option<u32>,
     /// Cost by the surface area heuristic, with the costs that the parameters name.
-    pub sah_cost: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sah_cost: Option<f64>,
 }
 
 /// What was measured from one view.

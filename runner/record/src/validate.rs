@@ -98,6 +98,10 @@ impl Record {
                 problems.add(&format!("parts[{index}].finished"), Fault::Mismatch, "before it started");
             }
         }
+        for (index, left_out) in self.left_out.iter().enumerate() {
+            problems.named(&format!("left_out[{index}].variant"), &left_out.variant);
+            problems.named(&format!("left_out[{index}].reason"), &left_out.reason);
+        }
         if self.results.is_empty() {
             problems.add("results", Fault::Empty, "nothing was measured");
         }
@@ -257,9 +261,15 @@ fn check_tree(at: &str, tree: &Tree, triangles: u64, problems: &mut Problems) {
         ("average_triangles_per_leaf", tree.average_triangles_per_leaf),
         ("sah_cost", tree.sah_cost),
     ] {
-        problems.not_negative(&format!("{at}.{name}"), value);
+        if let Some(value) = value {
+            problems.not_negative(&format!("{at}.{name}"), value);
+        }
     }
-    if tree.leaves == 0 && triangles > 0 {
+    if tree.bytes.is_some() && (tree.node_bytes.is_some() || tree.triangle_bytes.is_some()) {
+        let what = "nodes and triangles are counted apart as well";
+        problems.add(&format!("{at}.bytes"), Fault::Mismatch, what);
+    }
+    if tree.leaves == Some(0) && triangles > 0 {
         problems.add(&format!("{at}.leaves"), Fault::Mismatch, "no leaf holds the triangles");
     }
 }
@@ -458,7 +468,7 @@ mod tests {
         breaks(&format!("{utilization}.fetch_lanes"), Mismatch, |r| utilized(r).fetches = 0);
         breaks(&format!("{utilization}.fetch_lanes"), Range, |r| utilized(r).fetches = u64::MAX);
 
-        breaks("schema", Range, |r| r.schema = 2);
+        breaks("schema", Range, |r| r.schema = SCHEMA + 1);
         breaks("tool.name", Empty, |r| r.tool.name.clear());
         breaks("tool.commit.hash", Range, |r| {
             r.tool.commit.as_mut().unwrap().hash = "unknown".into();
@@ -487,7 +497,7 @@ mod tests {
         breaks("parts[0].finished", Mismatch, |r| {
             r.parts[0].finished = Timestamp::from(UNIX_EPOCH);
         });
-        breaks("references[0].tree.leaves", Mismatch, |r| r.references[0].tree.leaves = 0);
+        breaks("references[0].tree.leaves", Mismatch, |r| r.references[0].tree.leaves = Some(0));
         breaks("results[0].measurement.part", Mismatch, |r| {
             r.results[0].measurement.as_mut().unwrap().part = 1;
         });
@@ -530,9 +540,13 @@ mod tests {
             r.results[0].build.repetitions[1].phases.swap(0, 1);
         });
         breaks("results[0].tree.sah_cost", NotFinite, |r| {
-            r.results[0].tree.sah_cost = f64::INFINITY;
+            r.results[0].tree.sah_cost = Some(f64::INFINITY);
         });
-        breaks("results[0].tree.leaves", Mismatch, |r| r.results[0].tree.leaves = 0);
+        breaks("results[0].tree.leaves", Mismatch, |r| r.results[0].tree.leaves = Some(0));
+        breaks("results[0].tree.bytes", Mismatch, |r| r.results[0].tree.bytes = Some(1));
+        breaks("left_out[0].reason", Empty, |r| {
+            r.left_out.push(crate::LeftOut { variant: "Driver".into(), reason: " ".into() });
+        });
         let kernel = "results[0].kernels[1]";
         fn second(record: &mut Record) -> &mut Kernel {
             &mut record.results[0].kernels[1]

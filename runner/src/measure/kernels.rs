@@ -10,8 +10,9 @@ use tracer::{
 /// The traversal kernels of a variant: those that are timed, and those that count.
 pub struct Kernels {
     timed: Timed,
-    /// Counts what rays meet.
+    /// Counts what rays meet, unless the driver traces them, which does not tell.
     pub counting: Traversal,
+    counts: bool,
 }
 
 /// How paths are traced while they are timed.
@@ -36,7 +37,14 @@ impl Kernels {
             secondary_subgroups: usual.secondary_subgroups,
             ..params
         };
-        Ok(Self { timed, counting: Traversal::new(&session.gpu, &trace, tree, Counting::Rays)? })
+        let counts = !variant.is_driver();
+        let counting = if counts { Counting::Rays } else { Counting::Nothing };
+        Ok(Self { timed, counting: Traversal::new(&session.gpu, &trace, tree, counting)?, counts })
+    }
+
+    /// Whether what rays meet can be counted.
+    pub fn count(&self) -> bool {
+        self.counts
     }
 
     /// Entries of the traversal stack they were compiled with.

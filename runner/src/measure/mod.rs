@@ -118,7 +118,7 @@ impl Measuring<'_> {
         let warm_up = (plan.warm_up > 0).then_some(plan.busy_before_point);
         let plant =
             self.session.plant(self.loaded, self.variant, self.params, warm_up, plan.builds, |report| {
-                repetitions.push(describe::repetition(report));
+                repetitions.push(report);
             })?;
         let mut parameters = self.params.by_name();
         parameters.0.retain(|name, value| self.common.get(name) != Some(value));
@@ -128,7 +128,7 @@ impl Measuring<'_> {
             parameters,
             adopted: self.loaded.given().map(|given| given.adopted.clone()),
             build: Build { repetitions },
-            tree: describe::tree(plant.statistics()),
+            tree: plant.statistics().clone(),
             kernels: Vec::new(),
             views: Vec::new(),
             measurement: Some(Measurement {
@@ -197,7 +197,7 @@ impl Measuring<'_> {
                     seen.pop();
                     break 'rounds Stop::Interrupted;
                 }
-                if first && plan.counting {
+                if first && plan.counting && kernels.count() {
                     let counts = tracer.count(&kernels.counting, &tree, &camera, 0)?;
                     let subgroup_size = self.session.gpu.info().subgroup_size;
                     let depths = counts.iter().map(|c| describe::count(c, subgroup_size));
@@ -251,7 +251,7 @@ impl Measuring<'_> {
             sampling_milliseconds.push(grown.sampling_milliseconds);
             repetitions.push(describe::repetition(&grown.build));
         }
-        let tree = describe::tree(&seedling.measure(&grown)?);
+        let tree = seedling.measure(&grown)?;
         Ok((grown.tree, Adaptation { sampling_milliseconds, build: Build { repetitions }, tree }))
     }
 

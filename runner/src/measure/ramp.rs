@@ -4,8 +4,7 @@ use std::time::{Duration, Instant};
 
 /// How long the clock may stand still below its goal before it is taken to stay there.
 const STILL: Duration = Duration::from_secs(2);
-/// How long it is waited for at most. An H100 that was kept
-/// busy for two parts of five stayed at a third of its clock for as long as one looked.
+/// How long it is waited for at most.
 const LONGEST: Duration = Duration::from_secs(12);
 
 /// The clock of a device that is kept busy, on its way to where samples count.

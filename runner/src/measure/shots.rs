@@ -46,7 +46,8 @@ impl<'a> Shots<'a> {
                 Some(loaded.wavefronts(&session.gpu, &seen, || {
                     let mut bounces = Vec::new();
                     let mut failed = None;
-                    // A traversal that counts meets the same rays, and is there whichever kernels are timed.
+                    // A traversal that counts, or would if the driver told, meets the same rays, and is there whichever
+                    // kernels are timed.
                     tracer.wavefronts(&kernels.counting, tree, camera, 0, |wave| {
                         if !wave.rays.is_empty() {
                             match TraceMemory::new(&session.gpu, &wave.rays) {
@@ -75,8 +76,8 @@ impl<'a> Shots<'a> {
                 Ok(waves.map(|wave| Launch { rays: wave.rays, milliseconds: wave.milliseconds }).collect())
             }
             // Bounce after bounce in every sample, so that a slow change of the device meets all of them alike, and in one
-            // submission, so that it stays busy: with one each, an H100 idled for longer than it traced and took to
-            // half of its clock.
+            // submission, so that it stays busy: with one each, an H100 idled for longer than it traced and fell to
+            // a third of its clock.
             Some(bounces) => {
                 let traversal = self.kernels.separate()?;
                 let mut pass = Pass::new(&self.session.gpu)?;

@@ -56,6 +56,14 @@ pub fn sweep(global: &Global, arguments: &args::Sweep) -> anyhow::Result<()> {
     let clock = measure::clock(&telemetry, &held, arguments.locked_clock, config.samples.least_clock);
     let plan = plan(&config, &defaults, held, clock);
 
+    let (points, unavailable): (Vec<Setup>, Vec<Setup>) =
+        points.into_iter().partition(|setup| setup.variant.unavailable(session.gpu.info()).is_none());
+    if let Some(why) = unavailable.first().and_then(|setup| setup.variant.unavailable(session.gpu.info())) {
+        if points.is_empty() {
+            return Err(why.into());
+        }
+        remark(session.quiet, format_args!("{} points are left out: {why}", unavailable.len()));
+    }
     let (points, too_large) = fitting(&session, points);
     if !too_large.is_empty() {
         remark(
@@ -200,9 +208,8 @@ fn plan(config: &Config, defaults: &Defaults, held: Held, clock: Option<record::
 
 /// The points whose workgroups the device has room for, and the keys of the others.
 fn fitting(session: &Session, points: Vec<Setup>) -> (Vec<Setup>, Vec<String>) {
-    let (fit, large): (Vec<Setup>, Vec<Setup>) = points
-        .into_iter()
-        .partition(|setup| setup.params.trace(setup.variant).fits(&session.gpu, setup.variant.layout));
+    let (fit, large): (Vec<Setup>, Vec<Setup>) =
+        points.into_iter().partition(|setup| setup.params.fits(setup.variant, &session.gpu));
     (fit, large.iter().map(Setup::key).collect())
 }
 

@@ -663,7 +663,7 @@ impl WideWorkspace {
             triangles: self.stored.triangles.stored.address(),
             indices: self.stored.triangles.indices_address(),
             test: self.stored.triangles.test(),
-            layout: self.layout,
+            layout: Some(self.layout),
             stride: self.stride,
             stack: if self.layout.is_compressed() { STACK_PER_NODE * summary.depth } else { summary.stack },
             extent,

@@ -5,6 +5,7 @@ pub mod builder;
 pub mod bvh2;
 pub mod collapse;
 pub mod contract;
+pub mod driver;
 pub mod gpu;
 pub mod layout;
 pub mod measure;
@@ -12,6 +13,7 @@ pub mod morton;
 pub mod path;
 pub mod permutations;
 pub mod ploc;
+pub mod roofline;
 pub mod sbvh;
 pub mod scene;
 pub mod sort;
@@ -19,6 +21,8 @@ pub mod traverse;
 pub mod treefile;
 mod upwards;
 pub mod validate;
+
+use gpu::RAY_TRACING;
 
 /// What can go wrong between a scene and its hits.
 #[derive(Debug, thiserror::Error)]
@@ -74,6 +78,40 @@ pub enum Error {
     /// The single kernel is asked for what only separate kernels have.
     #[error("a single kernel there is in GLSL only, and without a barrier: set trace.kernels=separate")]
     NoSingleKernel,
+    /// The driver does not trace rays.
+    #[error(
+        "Driver is unavailable: the driver of {device} ({driver}) has no VK_KHR_ray_tracing_pipeline; choose a device \
+         that has it (`runner devices` lists {RAY_TRACING} among what is optional; Mesa's CPU driver has it from 25.0 \
+         on), or leave the variant out"
+    )]
+    NoRayTracing {
+        /// The device's name.
+        device: String,
+        /// Its driver, with the version.
+        driver: String,
+    },
+    /// There is nothing that the driver could build a structure over, or too much.
+    #[error("the driver builds over 1 to {most} triangles, and the scene has {triangles}; use another scene")]
+    DriverTriangles {
+        /// How many there are.
+        triangles: usize,
+        /// How many there may be.
+        most: u64,
+    },
+    /// A kernel that measures what the device can do did something else.
+    #[error(
+        "{what}: {device} came to other results than the CPU, so its rate would mean nothing; update the driver, and \
+         run with --validate"
+    )]
+    Roofline {
+        /// What was measured.
+        what: String,
+        /// The device's name.
+        device: String,
+    },
+    /// Something is asked of the driver's ray tracing that it does not tell.
+    #[error("no driver tells what rays meet in its tree, or lets one kernel trace whole paths: {0}")]
+    DriverTellsNot(&'static str),
     /// The device or its driver.
     #[error(transparent)]
     Gpu(#[from] gpu::Error),

@@ -101,3 +101,6 @@ pub const IN_SLANG: &[&str] = &["traverse/closest_hit"];
 
 /// Sources under `src/` that are compiled once for each of [`ARITIES`].
 pub const PER_ARITY: &[&str] = &["contract/levels", "contract/handover", "contract/optimal/costs"];
+
+/// What names of shaders' sources end in: compute kernels, and the three kinds of the driver's ray tracing.
+pub const KINDS: [&str; 4] = ["comp", "rgen", "rmiss", "rchit"];

@@ -10,7 +10,7 @@ use tracer::{
     builder::{BuildError, BuildParams, BuildReport, BuildWorkspace, Builder, Method, WideWorkspace, Widen},
     bvh2::{Aabb, Bvh2, Triangle},
     collapse::{self, CollapseParams, Subtree},
-    contract::{self, ContractParams, Contraction, Form, Visits, WideBvh},
+    contract::{self, ContractParams, Contraction, Form, Numbering, Visits, WideBvh},
     layout::{
         self, Layout, LayoutParams, LeafTriangles, NodeLayout, UnitTriangle, binary::Binary,
         compressed::Assignment,
@@ -59,7 +59,7 @@ impl<'a> Collapsed<'a> {
         what: &str,
     ) -> WideBvh {
         let BuildParams { contract: params, layout: stored, .. } = params;
-        let layout = to.tree(&report.summary, 0.0).layout;
+        let layout = to.tree(&report.summary, 0.0).layout.expect("a layout of ours");
         let what = format!("{what}, {layout:?}");
         let wide = to.read_wide(report.summary.nodes as usize).unwrap();
         assert_eq!(
@@ -127,7 +127,7 @@ fn check(builder: &Builder, workspace: &BuildWorkspace, triangles: &[Triangle], 
     assert!(read.subtrees == subtrees, "{what}: subtrees differ from the twin's");
     read.check(&workspace.wide, &report, params, None, what);
 
-    let layout = workspace.wide.tree(&report.summary, 0.0).layout;
+    let layout = workspace.wide.tree(&report.summary, 0.0).layout.expect("a layout of ours");
     if let (Layout::Binary, Some(root)) = (layout, subtrees.last()) {
         // The collapse knows what its tree costs; its sums are in single precision and in the scene's scale.
         let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();
@@ -416,6 +416,50 @@ fn both_forms_of_contraction_make_the_same_tree() {
                     read.check(&to, &report, params, on_host, &what)
                 });
                 assert!(trees[0] == trees[1], "{what}, {method}: the forms' trees differ");
+            }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn a_tree_is_numbered_depth_first_and_is_otherwise_the_same() {
+    let scenes = [1, 2, 3, 17, 1000].map(|n| (format!("{n} scattered"), scattered(n, 10.0, 1.0)));
+    let awkward = awkward(300).into_iter().map(|(what, triangles)| (what.to_owned(), triangles));
+    for (what, triangles) in
+        scenes.into_iter().chain([("a terrain".to_owned(), terrain(1200))]).chain(awkward)
+    {
+        let n = triangles.len();
+        let builder = builder_of(Layout::Binary);
+        let workspace = builder.workspace(n).unwrap();
+        let buffer = gpu().upload("triangles", &triangles).unwrap();
+        builder.build(&workspace, &buffer, n, false).unwrap();
+        for layout in BY_ARITY {
+            for form in [Form::Levels, Form::Handover] {
+                let [made, numbered, again] =
+                    [Numbering::Creation, Numbering::DepthFirst, Numbering::DepthFirst].map(|numbering| {
+                        let params = ContractParams { form, numbering, ..Default::default() };
+                        let widen = widen(layout, &contracted(params));
+                        let to = widen.workspace(n).unwrap();
+                        let report = widen.build(&workspace, &to, &buffer, n, None).unwrap();
+                        to.read_wide(report.summary.nodes as usize).unwrap()
+                    });
+                assert!(numbered == made.depth_first(), "{what}, {layout:?}, {form:?}: another order");
+                assert!(
+                    numbered.canonical() == made.canonical(),
+                    "{what}, {layout:?}, {form:?}: another tree"
+                );
+                assert!(numbered == again, "{what}, {layout:?}, {form:?}: builds differ");
+                // Triangles are in the order in which the nodes that hold them are reached.
+                let mut todo = vec![0];
+                let mut next = 0;
+                while let Some(index) = todo.pop() {
+                    let node = &numbered.nodes[index as usize];
+                    assert!(node.leaves.is_empty() || node.first_triangle == next, "{what}: node {index}");
+                    next += node.leaves.iter().map(|leaf| leaf.triangles).sum::<u32>();
+                    todo.extend((0..node.nodes.len() as u32).rev().map(|i| node.first_node + i));
+                }
+                assert_eq!(next as usize, n, "{what}");
             }
         }
     }

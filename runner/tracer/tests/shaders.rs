@@ -7,6 +7,8 @@ use std::{
     process::Command,
 };
 
+use tracer::permutations::KINDS;
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
@@ -19,6 +21,13 @@ fn below(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
         } else if path.extension().is_some_and(|e| e == extension) {
             found.push(path);
         }
+    }
+}
+
+/// The sources of all shaders.
+fn shaders(found: &mut Vec<PathBuf>) {
+    for kind in KINDS {
+        below(&root().join("src"), kind, found);
     }
 }
 
@@ -48,7 +57,7 @@ fn cargo_knows_every_include_of_every_shader() {
         .map(|p| root().join(p))
         .collect();
     let mut sources = Vec::new();
-    below(&root().join("src"), "comp", &mut sources);
+    shaders(&mut sources);
     assert!(!sources.is_empty());
     let mut includes = 0;
     for source in sources {
@@ -67,7 +76,7 @@ fn cargo_knows_every_include_of_every_shader() {
 #[test]
 fn every_include_is_included() {
     let (mut sources, mut used, mut there) = (Vec::new(), BTreeSet::new(), Vec::new());
-    below(&root().join("src"), "comp", &mut sources);
+    shaders(&mut sources);
     sources.iter().for_each(|s| included(s, &mut used));
     below(&root().join("shaders"), "glsl", &mut there);
     below(&root().join("src"), "glsl", &mut there);

@@ -391,7 +391,7 @@ fn each_ray_is_finished_once_however_many_there_are() {
     let twin = &planted.twin;
     let want: Vec<Hit> = rays.par_iter().map(|ray| twin(ray).0).collect();
     for wave in [Wave::Primary, Wave::Secondary] {
-        let size = kernels.kernel(wave).workgroup_size() as usize;
+        let size = kernels.kernel(wave).unwrap().workgroup_size() as usize;
         let lanes = gpu().info().subgroup_size as usize;
         let mut sizes = vec![0, 1, 2, 65_537];
         for around in [lanes, size, 2 * size, 8 * size] {
@@ -570,6 +570,8 @@ fn schedules_and_orders_of_groups_change_no_distance() {
             (groups::Params { n_w: 0, n_d: 0, shared_stack: 0, ..lost }, 1),
             (groups::Params { n_w: 64, r_t: 1.0, shared_stack: 16, ..lost }, 4),
             (groups::Params { n_t: 0, shared_stack: 1, ..inactive }, 2),
+            (groups::Params { share_triangles: true, ..lost }, 4),
+            (groups::Params { share_triangles: true, shared_stack: 2, ..inactive }, 1),
             (groups::Params { n_t: 32, r_t: 0.5, shared_stack: 2, ..inactive }, 3),
         ] {
             let params = Params {

@@ -18,7 +18,7 @@
 //! triangles of those that are leaves from `first_triangle` on, in the order of the slots, so one index of
 //! each is enough for a layout. Nodes and runs of triangles get their places from counters: their order
 //! differs from build to build, the tree does not; [`WideBvh::canonical`] brings equal trees into equal
-//! order.
+//! order. [`Numbering::DepthFirst`] gives them an order of their own afterwards.
 //!
 //! Contraction runs in one of two forms, which make the same tree: [`Form::Handover`], a single launch in
 //! which invocations wait for each other (Benthin et al. 2024; thesis 2.1.4), and [`Form::Levels`], a
@@ -29,10 +29,12 @@ use crate::{
     gpu::{Buffer, Error, Gpu, Kernel, Pass, groups, shaders},
 };
 use bytemuck::{Pod, Zeroable};
+use depth_first::{DepthFirst, Made, Placed};
 use optimal::{Costs, Planner};
 use serde::{Deserialize, Serialize};
 
 pub mod cpu;
+mod depth_first;
 pub mod optimal;
 
 /// By what a contraction says which child of a node under construction is replaced by its own children.
@@ -111,6 +113,17 @@ pub enum Form {
     Levels,
 }
 
+/// In which order nodes, and triangles, follow each other in memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Numbering {
+    /// As they are made: level by level, of a level in any order.
+    #[default]
+    Creation,
+    /// Subtree by subtree (Ylitie et al. 2017, end of 3.3).
+    DepthFirst,
+}
+
 /// What may be chosen about a contraction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -121,6 +134,8 @@ pub struct ContractParams {
     pub alpha: f32,
     /// How it is launched. Both forms make the same tree.
     pub form: Form,
+    /// In which order its nodes end up.
+    pub numbering: Numbering,
     /// c_node of `optimal`: what visiting a node costs.
     pub c_node: f32,
     /// c_prim of `optimal`: what testing a triangle costs. Less: larger leaves and fewer nodes.
@@ -139,7 +154,15 @@ impl ContractParams {
 impl Default for ContractParams {
     fn default() -> Self {
         // Ylitie et al. 2017, 5.1: c_prim = 0.3 is 98% of the best rate at 5% more memory than the least.
-        Self { method: Contraction::Sah, alpha: 0.6, form: Form::Auto, c_node: 1.0, c_prim: 0.3, p_max: 3 }
+        Self {
+            method: Contraction::Sah,
+            alpha: 0.6,
+            form: Form::Auto,
+            numbering: Numbering::Creation,
+            c_node: 1.0,
+            c_prim: 0.3,
+            p_max: 3,
+        }
     }
 }
 
@@ -187,7 +210,7 @@ impl WideBvh {
     /// # Errors
     /// A transfer failed.
     pub fn read(from: &WideBuffers, nodes: usize) -> Result<Self, Error> {
-        let words: Vec<u32> = from.nodes.read(0, nodes * from.words())?;
+        let words: Vec<u32> = from.nodes().read(0, nodes * from.words())?;
         let node = |w: &[u32]| {
             let (children, leaves) = ((w[2] >> 4) as usize, (w[2] & 15) as usize);
             let (leaves, inner) = w[HEADER..HEADER + children].split_at(leaves);
@@ -218,6 +241,26 @@ impl WideBvh {
             next_triangle += node.leaves.iter().map(|l| l.triangles).sum::<u32>();
             nodes.push(node);
         }
+        Self { arity: self.arity, nodes }
+    }
+
+    /// The same tree with nodes and runs of triangles numbered depth first: see [`Numbering::DepthFirst`].
+    pub fn depth_first(&self) -> Self {
+        let mut placed = vec![None; self.nodes.len()];
+        let (mut next_node, mut next_triangle) = (1, 0);
+        // A node's number before and after.
+        let mut todo = vec![(0u32, 0u32)];
+        while let Some((index, place)) = todo.pop() {
+            let mut node = self.nodes[index as usize].clone();
+            let children = (0..node.nodes.len() as u32).rev();
+            todo.extend(children.map(|i| (node.first_node + i, next_node + i)));
+            node.first_node = if node.nodes.is_empty() { 0 } else { next_node };
+            node.first_triangle = if node.leaves.is_empty() { 0 } else { next_triangle };
+            next_node += node.nodes.len() as u32;
+            next_triangle += node.leaves.iter().map(|l| l.triangles).sum::<u32>();
+            placed[place as usize] = Some(node);
+        }
+        let nodes = placed.into_iter().map(|node| node.expect("each place is some node's")).collect();
         Self { arity: self.arity, nodes }
     }
 
@@ -258,9 +301,11 @@ impl WideBvh {
 pub struct WideBuffers {
     arity: usize,
     capacity: usize,
-    /// `WideNodes` in `wide.glsl`.
-    pub nodes: Buffer,
+    /// `WideNodes` in `wide.glsl`, as they are made.
+    made: Buffer,
     tasks: Buffer,
+    /// The same in another order.
+    placed: Option<Placed>,
     ways: Buffer,
     /// Of the optimal contraction.
     plans: Option<Buffer>,
@@ -277,6 +322,16 @@ impl WideBuffers {
     /// Nodes there is room for.
     pub fn capacity(&self) -> usize {
         self.capacity
+    }
+
+    /// `WideNodes` in `wide.glsl`, in their final order.
+    pub fn nodes(&self) -> &Buffer {
+        self.placed.as_ref().map_or(&self.made, |placed| &placed.nodes)
+    }
+
+    /// The node of the binary tree that each was made of.
+    fn made_of(&self) -> &Buffer {
+        self.placed.as_ref().map_or(&self.tasks, |placed| &placed.tasks)
     }
 }
 
@@ -348,6 +403,7 @@ struct Push {
 pub struct Contract {
     prepare: Kernel,
     planner: Option<Planner>,
+    depth_first: Option<DepthFirst>,
     kernel: Kernel,
     arity: usize,
     params: ContractParams,
@@ -383,6 +439,7 @@ impl Contract {
         let plans = params.method == Contraction::Optimal;
         Ok(Self {
             prepare: Kernel::new(gpu, &shaders::CONTRACT_PREPARE, info.subgroup_size, &[])?,
+            depth_first: DepthFirst::new(gpu, arity, params.numbering)?,
             planner: plans.then(|| Planner::new(gpu, arity, params.costs())).transpose()?,
             kernel: Kernel::new(gpu, shader, size, &[params.method as u32])?,
             arity,
@@ -424,7 +481,10 @@ impl Contract {
         Ok(WideBuffers {
             arity: self.arity,
             capacity,
-            nodes: gpu.buffer("wide tree", bytes * (HEADER + self.arity) as u64)?,
+            made: gpu.buffer("wide tree", bytes * (HEADER + self.arity) as u64)?,
+            placed: (self.depth_first.as_ref())
+                .map(|depth_first| depth_first.buffers(gpu, capacity, HEADER + self.arity))
+                .transpose()?,
             plans: self.planner.as_ref().map(|planner| planner.buffer(gpu, triangles)).transpose()?,
             tasks: gpu.buffer("contraction tasks", bytes)?,
             ways: gpu.buffer("ways to wide nodes", bytes)?,
@@ -456,7 +516,7 @@ impl Contract {
             }
             let push = PreparePush {
                 levels: input.tree.levels.address(),
-                wide: buffers.nodes.address(),
+                wide: buffers.made.address(),
                 tasks: buffers.tasks.address(),
                 ways: buffers.ways.address(),
                 progress: buffers.progress.address(),
@@ -475,7 +535,7 @@ impl Contract {
             bounds: input.bounds.address(),
             visits: input.visits.map_or(0, |v| v.counts.address()),
             plans: buffers.plans.as_ref().map_or(0, Buffer::address),
-            wide: buffers.nodes.address(),
+            wide: buffers.made.address(),
             tasks: buffers.tasks.address(),
             ways: buffers.ways.address(),
             progress: buffers.progress.address(),
@@ -491,6 +551,10 @@ impl Contract {
             for _ in 0..levels {
                 pass.dispatch_indirect("level", &self.kernel, &push, &buffers.progress, ARGUMENTS);
             }
+        }
+        if let (Some(depth_first), Some(placed)) = (&self.depth_first, &buffers.placed) {
+            let WideBuffers { made: nodes, tasks, progress, capacity, .. } = buffers;
+            depth_first.record(pass, &Made { nodes, tasks, progress, capacity: *capacity }, placed);
         }
     }
 }
@@ -559,7 +623,7 @@ impl VisitCounter {
     pub fn record(&self, pass: &mut Pass, tree: &Bvh2Buffers, traversed: &WideBuffers) {
         let push = VisitsPush {
             levels: tree.levels.address(),
-            tasks: traversed.tasks.address(),
+            tasks: traversed.made_of().address(),
             progress: traversed.progress.address(),
             by_node: self.by_node.address(),
             by_inner: self.by_inner.address(),

@@ -108,8 +108,24 @@ impl Gpu {
     /// # Errors
     /// Too little memory.
     pub fn buffer(&self, name: &str, bytes: u64) -> Result<Buffer, Error> {
+        // Structures are built over buffers that were made for anything, such as the scene's triangles.
+        let usage = match self.inner.ray_tracing {
+            Some(_) => vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR,
+            None => vk::BufferUsageFlags::empty(),
+        };
+        self.buffer_for(name, bytes, usage)
+    }
+
+    /// The same for a usage beside the usual ones.
+    pub(super) fn buffer_for(
+        &self,
+        name: &str,
+        bytes: u64,
+        usage: vk::BufferUsageFlags,
+    ) -> Result<Buffer, Error> {
         let bytes = bytes.max(1).next_multiple_of(16);
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+        let usage = usage
+            | vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::INDIRECT_BUFFER
             | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
             | vk::BufferUsageFlags::TRANSFER_SRC

@@ -1,4 +1,9 @@
-use super::{Error, error::Context, pass::Timing};
+use super::{
+    Error,
+    error::Context,
+    pass::Timing,
+    ray_tracing::{RAY_TRACING, RayTracing, TRACE_INDIRECT},
+};
 use ash::{ext, khr, vk};
 use std::{
     collections::HashMap,
@@ -182,6 +187,7 @@ pub(super) struct Inner {
     pub layout: vk::PipelineLayout,
     pub memory: vk::PhysicalDeviceMemoryProperties,
     pub executable: Option<khr::pipeline_executable_properties::Device>,
+    pub ray_tracing: Option<RayTracing>,
     pub full_subgroups: bool,
     pub tick: Timing,
     /// What has been compiled.
@@ -289,8 +295,15 @@ unsafe extern "system" fn on_message(
         let text = (*data).message_as_c_str().map_or_else(String::new, |t| t.to_string_lossy().into_owned());
         (text, &*user.cast::<Mutex<Vec<String>>>())
     };
-    // The loader's own remarks about other installed drivers are not about us.
-    if !text.contains("loader_") && !text.contains("terminator_CreateInstance") {
+    // The loader's own remarks about other installed drivers are not about us, and neither is that a layer is older than
+    // the driver and has not heard of its extensions.
+    let not_about_us = [
+        "loader_",
+        "terminator_CreateInstance",
+        "is not supported by this layer",
+        "includes a structure with unknown VkStructureType",
+    ];
+    if !not_about_us.iter().any(|remark| text.contains(remark)) {
         eprintln!("validation: {text}");
         if let Ok(mut list) = messages.lock() {
             list.push(text);
@@ -306,7 +319,17 @@ unsafe extern "system" fn on_message(
 pub fn devices() -> Result<Vec<DeviceInfo>, Error> {
     let instance = Instance::new(false)?;
     let all = instance.physical()?;
-    Ok(all.iter().enumerate().map(|(i, &p)| describe(&instance.instance, p, i)).collect())
+    Ok(all.iter().enumerate().map(|(i, &p)| described(&instance.instance, p, i)).collect())
+}
+
+/// The device that would be opened, without opening it.
+///
+/// # Errors
+/// No loader, no driver, or no device of that name.
+pub fn describe(wanted: &Selector) -> Result<DeviceInfo, Error> {
+    let mut infos = devices()?;
+    let index = select(&infos, wanted)?;
+    Ok(infos.swap_remove(index))
 }
 
 /// The compute queue family we use: the first that can compute.
@@ -319,7 +342,7 @@ fn text(chars: &[std::ffi::c_char]) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize) -> DeviceInfo {
+fn described(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize) -> DeviceInfo {
     // SAFETY: `physical` came from this instance, which is alive.
     let (extensions, families, basic) = unsafe {
         (
@@ -339,6 +362,8 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize
     let mut executable = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
     let mut clock = vk::PhysicalDeviceShaderClockFeaturesKHR::default();
     let mut reconvergence = vk::PhysicalDeviceShaderMaximalReconvergenceFeaturesKHR::default();
+    let mut structures = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default();
+    let mut ray_pipelines = vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default();
     let mut p2 = vk::PhysicalDeviceProperties2::default();
     let mut f2 = vk::PhysicalDeviceFeatures2::default();
     let modern = basic.api_version >= vk::API_VERSION_1_3;
@@ -360,6 +385,10 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize
     }
     if has(khr::shader_maximal_reconvergence::NAME) {
         f2 = f2.push_next(&mut reconvergence);
+    }
+    let traces_rays = RayTracing::EXTENSIONS.into_iter().all(has);
+    if traces_rays {
+        f2 = f2.push_next(&mut structures).push_next(&mut ray_pipelines);
     }
     // SAFETY: as above; the chains hold only structs of extensions or versions the device has.
     let memory = unsafe {
@@ -405,6 +434,9 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize
     may(sm.shader_sm_count > 0, "shaderSMBuiltins");
     may(clock.shader_device_clock != 0, "shaderDeviceClock");
     may(reconvergence.shader_maximal_reconvergence != 0, RECONVERGENCE);
+    let traces_rays = structures.acceleration_structure != 0 && ray_pipelines.ray_tracing_pipeline != 0;
+    may(traces_rays, RAY_TRACING);
+    may(traces_rays && ray_pipelines.ray_tracing_pipeline_trace_rays_indirect != 0, TRACE_INDIRECT);
 
     let [d0, d1, d2, d3, d4, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15] = p11.device_uuid;
     let hex = |bytes: &[u8]| bytes.iter().map(|b| format!("{b:02x}")).collect::<String>();
@@ -506,7 +538,7 @@ impl Gpu {
         let instance = Instance::new(options.validate)?;
         let physical = instance.physical()?;
         let infos: Vec<_> =
-            physical.iter().enumerate().map(|(i, &p)| describe(&instance.instance, p, i)).collect();
+            physical.iter().enumerate().map(|(i, &p)| described(&instance.instance, p, i)).collect();
         let index = select(&infos, &options.device)?;
         let info = infos[index].clone();
         let physical = physical[index];
@@ -525,7 +557,6 @@ impl Gpu {
         let mut extensions: Vec<CString> = Vec::new();
         let mut f12 = vk::PhysicalDeviceVulkan12Features::default()
             .buffer_device_address(true)
-            .shader_int8(true)
             .scalar_block_layout(true);
         let mut f13 = vk::PhysicalDeviceVulkan13Features::default()
             .synchronization2(true)
@@ -554,17 +585,30 @@ impl Gpu {
             extensions.push(khr::pipeline_executable_properties::NAME.into());
             info2 = info2.push_next(&mut executable);
         }
+        let traces_rays = info.has(RAY_TRACING);
+        let mut structures =
+            vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
+        let mut ray_pipelines = vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default()
+            .ray_tracing_pipeline(true)
+            .ray_tracing_pipeline_trace_rays_indirect(info.has(TRACE_INDIRECT));
+        if traces_rays {
+            extensions.extend(RayTracing::EXTENSIONS.map(Into::into));
+            info2 = info2.push_next(&mut structures).push_next(&mut ray_pipelines);
+        }
         let names: Vec<_> = extensions.iter().map(|e| e.as_ptr()).collect();
         let create = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&names)
             .push_next(&mut info2);
-        // SAFETY: every feature and extension asked for was reported by `describe`.
+        // SAFETY: every feature and extension asked for was reported by `described`.
         let device = unsafe { instance.instance.create_device(physical, &create, None) }
             .context("opening the device")?;
         let executable = info
             .tells_statistics()
             .then(|| khr::pipeline_executable_properties::Device::new(&instance.instance, &device));
+
+        let ray_tracing =
+            traces_rays.then(|| RayTracing::new(&instance.instance, physical, &device)).transpose()?;
 
         let ranges =
             [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(PUSH_BYTES)];
@@ -590,6 +634,7 @@ impl Gpu {
                 layout,
                 memory,
                 executable,
+                ray_tracing,
                 full_subgroups,
                 tick,
                 pipelines: Mutex::default(),
@@ -620,6 +665,9 @@ impl Drop for Inner {
                 self.device.destroy_pipeline(pipeline, None);
             }
             self.device.destroy_pipeline_layout(self.layout, None);
+            if let Some(ray_tracing) = &self.ray_tracing {
+                ray_tracing.destroy(&self.device);
+            }
             self.device.destroy_device(None);
         }
         let _ = &self.instance;

@@ -1,4 +1,5 @@
-//! Vulkan without a window: a device, its buffers, compute kernels, and passes with timestamps.
+//! Vulkan without a window: a device, its buffers, compute kernels, the driver's own ray tracing, and passes with
+//! timestamps.
 //!
 //! Knows nothing of BVHs. Every buffer is reached by its device address, handed to kernels in push
 //! constants, so there are no descriptor sets; a kernel's arguments are one plain struct.
@@ -11,17 +12,22 @@ pub(crate) mod interface;
 mod kernel;
 mod occupancy;
 mod pass;
+mod ray_tracing;
 mod resources;
 
 pub use buffer::Buffer;
-pub use device::{DeviceInfo, DeviceKind, Gpu, Options, Selector, devices};
+pub use device::{DeviceInfo, DeviceKind, Gpu, Options, Selector, describe, devices};
 pub use error::Error;
 pub use kernel::{Kernel, Statistic};
 pub use occupancy::{Limit, MultiprocessorLimits, Occupancy, UnknownLimits};
 pub use pass::{Pass, Span, Timings};
+pub use ray_tracing::{
+    AccelerationStructure, BuildSizes, CompactedSize, Geometry, Instance, Launch, Prefer, RAY_TRACING,
+    RayPipeline, Recipe, TRACE_INDIRECT,
+};
 pub use resources::Resources;
 
-/// One compiled compute shader, embedded by the build script.
+/// One compiled shader, embedded by the build script.
 #[derive(Debug)]
 pub struct Shader {
     /// Its source's path under `src/`, without the extension.

@@ -1,4 +1,8 @@
-use super::{Buffer, Error, Gpu, Kernel, device::PUSH_BYTES, error::Context};
+use super::{
+    Buffer, Error, Gpu, Kernel,
+    device::{Inner, PUSH_BYTES},
+    error::Context,
+};
 use ash::vk;
 use bytemuck::NoUninit;
 
@@ -59,6 +63,8 @@ pub struct Pass {
     path: Vec<String>,
     used: u32,
     time_dispatches: bool,
+    /// Whether the driver traces rays or builds structures in it, whose stages barriers have to name as well.
+    traces_rays: bool,
     failed: Option<Error>,
 }
 
@@ -79,6 +85,7 @@ impl Pass {
             path: Vec::new(),
             used: 0,
             time_dispatches: true,
+            traces_rays: false,
             failed: None,
         };
         let pool = vk::CommandPoolCreateInfo::default()
@@ -161,28 +168,34 @@ impl Pass {
     ) {
         let push = bytemuck::bytes_of(push);
         assert!(push.len() <= PUSH_BYTES as usize, "{name}: arguments fit the push constants");
+        self.timed(name, |inner, commands| {
+            // SAFETY: the command buffer is recording; the pipeline was made with this layout.
+            unsafe {
+                inner.device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline);
+                let stages = vk::ShaderStageFlags::COMPUTE;
+                inner.device.cmd_push_constants(commands, inner.layout, stages, 0, push);
+            }
+            run(&inner.device, commands);
+        });
+    }
+
+    /// Records one command after all others, with a span of its own where single dispatches get one.
+    pub(super) fn timed(&mut self, name: &str, record: impl FnOnce(&Inner, vk::CommandBuffer)) {
         self.barrier();
         let span = self.time_dispatches.then(|| {
             self.path.push(name.into());
             self.begin_span()
         });
-        let inner = &self.gpu.inner;
-        // SAFETY: the command buffer is recording; the pipeline was made with this layout.
-        unsafe {
-            inner.device.cmd_bind_pipeline(self.commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline);
-            inner.device.cmd_push_constants(
-                self.commands,
-                inner.layout,
-                vk::ShaderStageFlags::COMPUTE,
-                0,
-                push,
-            );
-        }
-        run(&inner.device, self.commands);
+        record(&self.gpu.inner, self.commands);
         if let Some(span) = span {
             self.end_span(span);
             self.path.pop();
         }
+    }
+
+    /// From here on barriers are for the driver's ray tracing, too.
+    pub(super) fn traces_rays(&mut self) {
+        self.traces_rays = true;
     }
 
     /// Sets every 32-bit word of `buffer` to `value`.
@@ -211,18 +224,22 @@ impl Pass {
     }
 
     fn barrier(&mut self) {
-        let stages = vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::ALL_TRANSFER;
+        let mut stages = vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::ALL_TRANSFER;
+        let mut written = vk::AccessFlags2::SHADER_WRITE | vk::AccessFlags2::TRANSFER_WRITE;
+        let mut read = vk::AccessFlags2::SHADER_READ
+            | vk::AccessFlags2::TRANSFER_READ
+            | vk::AccessFlags2::INDIRECT_COMMAND_READ;
+        if self.traces_rays {
+            stages |= vk::PipelineStageFlags2::RAY_TRACING_SHADER_KHR
+                | vk::PipelineStageFlags2::ACCELERATION_STRUCTURE_BUILD_KHR;
+            written |= vk::AccessFlags2::ACCELERATION_STRUCTURE_WRITE_KHR;
+            read |= vk::AccessFlags2::ACCELERATION_STRUCTURE_READ_KHR;
+        }
         let barriers = [vk::MemoryBarrier2::default()
             .src_stage_mask(stages)
-            .src_access_mask(vk::AccessFlags2::SHADER_WRITE | vk::AccessFlags2::TRANSFER_WRITE)
+            .src_access_mask(written)
             .dst_stage_mask(stages | vk::PipelineStageFlags2::DRAW_INDIRECT)
-            .dst_access_mask(
-                vk::AccessFlags2::SHADER_READ
-                    | vk::AccessFlags2::SHADER_WRITE
-                    | vk::AccessFlags2::TRANSFER_READ
-                    | vk::AccessFlags2::TRANSFER_WRITE
-                    | vk::AccessFlags2::INDIRECT_COMMAND_READ,
-            )];
+            .dst_access_mask(read | written)];
         let info = vk::DependencyInfo::default().memory_barriers(&barriers);
         // SAFETY: the command buffer is recording; synchronization2 is enabled.
         unsafe { self.gpu.inner.device.cmd_pipeline_barrier2(self.commands, &info) };

@@ -347,7 +347,7 @@ impl Encode {
         if let Some(arrange) = &self.arrange {
             let push = ArrangePush {
                 nodes: tree.nodes.address(),
-                wide: wide.nodes.address(),
+                wide: wide.nodes().address(),
                 progress: wide.progress.address(),
                 arranged,
             };
@@ -355,7 +355,7 @@ impl Encode {
         }
         let push = EncodePush {
             nodes: tree.nodes.address(),
-            wide: wide.nodes.address(),
+            wide: wide.nodes().address(),
             progress: wide.progress.address(),
             nodes_out: to.nodes.address(),
             arranged,
@@ -363,7 +363,7 @@ impl Encode {
         pass.dispatch("nodes", &self.nodes, &push, groups);
         let push = TrianglesPush {
             nodes: tree.nodes.address(),
-            wide: wide.nodes.address(),
+            wide: wide.nodes().address(),
             progress: wide.progress.address(),
             triangles: triangles.address(),
             leaf_triangles: to.triangles.stored.address(),

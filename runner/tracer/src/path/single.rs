@@ -74,9 +74,10 @@ impl SingleKernel {
         if params.language != Language::Glsl || params.technique.barrier {
             return Err(Error::NoSingleKernel);
         }
-        let (constants, stack) = constants(gpu, params, tree, Counting::Nothing, Wave::Secondary)?;
+        let layout = tree.layout.ok_or(Error::DriverTellsNot("set trace.kernels=separate"))?;
+        let (constants, stack) = constants(gpu, params, tree, layout, Counting::Nothing, Wave::Secondary)?;
         let size = params.workgroup_size(gpu, Wave::Secondary);
-        let kernel = Kernel::new(gpu, shaders::path_single(tree.layout), size, &constants)?;
+        let kernel = Kernel::new(gpu, shaders::path_single(layout), size, &constants)?;
         // As many as run at once; where that is not known, one a multiprocessor surely does. Should fewer run,
         // the others find the list of participants closed and leave.
         let groups = match (info.hands_work_over(), kernel.resources().occupancy) {

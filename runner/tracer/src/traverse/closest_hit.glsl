@@ -21,6 +21,7 @@
 #extension GL_KHR_shader_subgroup_vote : require
 #extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
 
 #include "load.glsl"
 #include "moeller_trumbore.glsl"
@@ -54,7 +55,7 @@ const uint WATERTIGHT = 0, MOELLER_TRUMBORE = 1, WOOP = 2;
 // Subgroups of a workgroup, where the lanes of each walk the tree together; else 0.
 layout(constant_id = 18) const uint PACKETS = 0;
 // Rays a lane, there.
-layout(constant_id = 20) const uint PACKET_RAYS = 1;
+layout(constant_id = 19) const uint PACKET_RAYS = 1;
 
 // Per ray: nodes visited, boxes tested, triangles tested, nothing.
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Counts {

@@ -9,7 +9,7 @@ mod triangle;
 pub use triangle::{TriangleParams, TriangleTest};
 
 use crate::{
-    Error,
+    Error, driver,
     gpu::{Gpu, Kernel, Pass, shaders},
     layout::Layout,
 };
@@ -126,8 +126,6 @@ pub struct Params {
     /// schedule; 0 where they do not. In GLSL and wide layouts that are not quantized, of no more children than a
     /// subgroup has lanes.
     pub primary_packets: u32,
-    /// Temporary.
-    pub experiment: u32,
     /// Entries of the traversal stack; made larger where a tree needs more.
     pub stack: u32,
     /// Whether the stages of a path are launched apart, or are one persistent kernel.
@@ -144,6 +142,9 @@ pub struct Params {
     /// What is done differently in that language.
     #[serde(skip)]
     pub technique: Technique,
+    /// How the driver's own ray tracing is used, for trees that it has built; all else is then without meaning.
+    #[serde(skip)]
+    pub driver: driver::Params,
 }
 
 /// What a traversal is written in: the same algorithm, line by line.
@@ -203,7 +204,8 @@ impl Params {
 
     /// Fails where workgroups of a size cannot have the stack's shared entries.
     fn check_shared_memory(&self, gpu: &Gpu, layout: Layout, size: u32) -> Result<(), Error> {
-        let bytes = size.saturating_mul(8 * self.groups.shared_stack.max(1));
+        let sharing = if self.groups.share_triangles { 8 + 512 / gpu.info().subgroup_size } else { 0 };
+        let bytes = size.saturating_mul(8 * self.groups.shared_stack.max(1) + sharing);
         let limit = gpu.info().shared_memory_bytes;
         if layout.is_compressed() && bytes > limit {
             return Err(Error::SharedStack { size, entries: self.groups.shared_stack, bytes, limit });
@@ -234,13 +236,13 @@ impl Default for Params {
             primary_vote: 0.0,
             secondary_vote: 1.0,
             primary_packets: 0,
-            experiment: 0,
             stack: 64,
             kernels: Kernels::Separate,
             groups: groups::Params::default(),
             order: Order::default(),
             language: Language::Glsl,
             technique: Technique::default(),
+            driver: driver::Params::default(),
         }
     }
 }
@@ -264,7 +266,7 @@ impl Wave {
 /// Where a tree in its traversal layout lies on the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tree {
-    /// Address of the nodes; node 0 is the root.
+    /// Address of the nodes; node 0 is the root. Of the driver's trees, of the structure.
     pub nodes: u64,
     /// Address of the triangles in leaf order, 48 bytes each.
     pub triangles: u64,
@@ -272,8 +274,8 @@ pub struct Tree {
     pub indices: u64,
     /// What triangles are stored for.
     pub test: TriangleTest,
-    /// How nodes are stored.
-    pub layout: Layout,
+    /// How nodes are stored; nothing where the driver has built the tree, which does not tell.
+    pub layout: Option<Layout>,
     /// Bytes from one node to the next.
     pub stride: usize,
     /// Entries that a traversal's stack needs at most; of the compressed layout, where children are not visited by
@@ -333,14 +335,35 @@ const QUOTA: u32 = 60_000;
 /// Launches over the same queue on such a driver; those that find it empty cost nothing.
 const RELAUNCHES: u32 = 3;
 
-/// The traversal kernels for one layout and size of stack.
+/// What finds the closest hits in trees of one layout and size of stack, or in those of the driver.
 #[derive(Debug)]
 pub struct Traversal {
+    gpu: Gpu,
+    by: By,
+}
+
+#[derive(Debug)]
+enum By {
+    Kernels(Pair),
+    Driver(driver::Rays),
+}
+
+/// The kernels for both kinds of wavefronts.
+#[derive(Debug)]
+struct Pair {
     primary: Kernel,
     secondary: Kernel,
-    gpu: Gpu,
     stack: u32,
     launches: u32,
+}
+
+impl Pair {
+    fn kernel(&self, wave: Wave) -> &Kernel {
+        match wave {
+            Wave::Primary => &self.primary,
+            Wave::Secondary => &self.secondary,
+        }
+    }
 }
 
 impl Traversal {
@@ -348,35 +371,45 @@ impl Traversal {
     ///
     /// # Errors
     /// A workgroup size the device cannot run, a technique that it or the schedule does not allow, or a language
-    /// that this build was made without.
+    /// that this build was made without. Of the driver's trees, counting what it does not tell.
     pub fn new(gpu: &Gpu, params: &Params, tree: &Tree, counting: Counting) -> Result<Self, Error> {
+        let Some(layout) = tree.layout else {
+            if counting != Counting::Nothing {
+                return Err(Error::DriverTellsNot("choose another variant"));
+            }
+            let rays = driver::Rays::new(gpu, &params.driver)?;
+            return Ok(Self { gpu: gpu.clone(), by: By::Driver(rays) });
+        };
         let launches = if gpu.info().ends_long_loops() { RELAUNCHES } else { 1 };
         let shader = match params.language {
-            Language::Glsl => shaders::traverse_closest_hit(tree.layout),
-            Language::Slang => shaders::traverse_closest_hit_slang(tree.layout)
+            Language::Glsl => shaders::traverse_closest_hit(layout),
+            Language::Slang => shaders::traverse_closest_hit_slang(layout)
                 .ok_or(Error::NotBuilt { reason: shaders::SLANG_MISSING.unwrap_or_default() })?,
         };
         let kernel = |wave| {
             let size = params.workgroup_size(gpu, wave);
-            params.check_shared_memory(gpu, tree.layout, size)?;
-            let (constants, stack) = constants(gpu, params, tree, counting, wave)?;
+            params.check_shared_memory(gpu, layout, size)?;
+            let (constants, stack) = constants(gpu, params, tree, layout, counting, wave)?;
             let reconverge = params.technique.reconverge;
             Ok::<_, Error>((Kernel::with_reconvergence(gpu, shader, size, &constants, reconverge)?, stack))
         };
         let ((primary, stack), (secondary, _)) = (kernel(Wave::Primary)?, kernel(Wave::Secondary)?);
-        Ok(Self { primary, secondary, gpu: gpu.clone(), stack, launches })
+        Ok(Self { gpu: gpu.clone(), by: By::Kernels(Pair { primary, secondary, stack, launches }) })
     }
 
-    /// The largest [`Tree::stack`] that the kernels were compiled for.
+    /// The largest [`Tree::stack`] that the kernels were compiled for; the driver sees to its own.
     pub fn stack(&self) -> u32 {
-        self.stack
+        match &self.by {
+            By::Kernels(pair) => pair.stack,
+            By::Driver(_) => u32::MAX,
+        }
     }
 
-    /// The kernel that traces a kind of wavefront.
-    pub fn kernel(&self, wave: Wave) -> &Kernel {
-        match wave {
-            Wave::Primary => &self.primary,
-            Wave::Secondary => &self.secondary,
+    /// The kernel that traces a kind of wavefront; nothing where the driver does.
+    pub fn kernel(&self, wave: Wave) -> Option<&Kernel> {
+        match &self.by {
+            By::Kernels(pair) => Some(pair.kernel(wave)),
+            By::Driver(_) => None,
         }
     }
 
@@ -390,12 +423,16 @@ impl Traversal {
         buffers: &Buffers,
         rays: usize,
     ) {
-        let kernel = self.kernel(wave);
+        let pair = match &self.by {
+            By::Kernels(pair) => pair,
+            By::Driver(driver) => return driver.record(pass, name, tree, buffers, rays),
+        };
+        let kernel = pair.kernel(wave);
         let size = kernel.workgroup_size();
         let info = self.gpu.info();
         // Persistent threads: as many subgroups as the device can hold at once. Where a subgroup has a
         // quota of iterations there must be enough of them to serve all rays.
-        let resident = match (info.multiprocessors, self.launches) {
+        let resident = match (info.multiprocessors, pair.launches) {
             (_, 2..) => rays.div_ceil(8 * size as usize) as u32,
             (0, _) => (256 * 64 * info.subgroup_size).div_ceil(size),
             (n, _) => (n * info.subgroups_per_multiprocessor * info.subgroup_size).div_ceil(size),
@@ -414,11 +451,11 @@ impl Traversal {
             extent: tree.extent,
             unused: 0,
         };
-        if self.launches == 1 {
+        if pair.launches == 1 {
             pass.dispatch(name, kernel, &arguments, groups);
         } else {
             pass.scope(name, |pass| {
-                for _ in 0..self.launches {
+                for _ in 0..pair.launches {
                     pass.dispatch("launch", kernel, &arguments, groups);
                 }
             });
@@ -430,7 +467,11 @@ impl Traversal {
     /// # Errors
     /// The driver ended a loop.
     pub fn check(&self, depth: usize, queue: &Queue) -> Result<(), Error> {
-        check_finished(&self.gpu, depth, queue)
+        match self.by {
+            By::Kernels(_) => check_finished(&self.gpu, depth, queue),
+            // It is launched once for each ray, and nobody counts them.
+            By::Driver(_) => Ok(()),
+        }
     }
 }
 
@@ -439,28 +480,29 @@ pub(crate) fn constants(
     gpu: &Gpu,
     params: &Params,
     tree: &Tree,
+    layout: Layout,
     counting: Counting,
     wave: Wave,
 ) -> Result<(Vec<u32>, u32), Error> {
     let lanes = gpu.info().subgroup_size;
-    let times = if tree.layout.is_compressed() { groups::stack_times(params.order) } else { 1 };
+    let times = if layout.is_compressed() { groups::stack_times(params.order) } else { 1 };
     let stack = params.stack.max((times * tree.stack).next_multiple_of(32));
     let postpone = ((params.postpone_below * lanes as f32).round() as u32).min(lanes);
     let quota = if gpu.info().ends_long_loops() { QUOTA } else { 0 };
-    let (fetch_below, vote) = match wave {
-        Wave::Primary => (params.primary_fetch_below, params.primary_vote),
-        Wave::Secondary => (params.secondary_fetch_below, params.secondary_vote),
+    let (fetch_below, vote, subgroups) = match wave {
+        Wave::Primary => (params.primary_fetch_below, params.primary_vote, params.primary_subgroups),
+        Wave::Secondary => (params.secondary_fetch_below, params.secondary_vote, params.secondary_subgroups),
     };
     let fetch_below = ((fetch_below * lanes as f32).round() as u32).clamp(1, lanes);
     // Any vote above zero is one.
     let vote = if vote > 0.0 { ((vote * 32.0).round() as u32).max(1) } else { 0 };
     let Technique { barrier, hoist, .. } = params.technique;
-    if barrier && (vote > 0 || tree.layout.is_compressed()) {
+    if barrier && (vote > 0 || layout.is_compressed()) {
         return Err(Error::BarrierByVote);
     }
     let packets = params.primary_packets > 0 && wave == Wave::Primary;
-    let wide = matches!(tree.layout, Layout::Wide4 | Layout::Wide6 | Layout::Wide8);
-    let lanes_are_enough = tree.layout.arity() as u32 <= lanes;
+    let wide = matches!(layout, Layout::Wide4 | Layout::Wide6 | Layout::Wide8);
+    let lanes_are_enough = layout.arity() as u32 <= lanes;
     if packets && !(wide && lanes_are_enough && params.language == Language::Glsl) {
         return Err(Error::NoPackets);
     }
@@ -470,6 +512,7 @@ pub(crate) fn constants(
         return Err(Error::PacketStacks { packets: params.primary_subgroups, entries, bytes, limit });
     }
     let packets = if packets { params.primary_subgroups } else { 0 };
+    let sharing = if params.groups.share_triangles { subgroups } else { 0 };
     let [barrier, hoist] = [barrier, hoist].map(u32::from);
     let stride = tree.stride as u32;
     let (counting, test) = (counting as u32, tree.test as u32);
@@ -477,7 +520,7 @@ pub(crate) fn constants(
     let constants = of_all
         .into_iter()
         .chain(params.groups.constants(params.order, lanes))
-        .chain([packets, params.experiment, params.primary_packets.max(1)])
+        .chain([packets, params.primary_packets.max(1), sharing])
         .collect();
     Ok((constants, stack / times))
 }

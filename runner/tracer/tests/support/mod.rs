@@ -179,11 +179,12 @@ pub fn plant(builder: &Builder, triangles: &[Triangle]) -> Planted {
     let tree = workspace.wide.tree(&report.summary, extent);
     let leaves = workspace.wide.stored.triangles.read(triangles.len()).unwrap();
     let count = report.summary.nodes as usize;
-    let twin: Twin = if tree.layout.is_compressed() {
+    let layout = tree.layout.expect("a layout of ours");
+    let twin: Twin = if layout.is_compressed() {
         let nodes = workspace.wide.read_nodes::<Compressed8>(count).unwrap();
         Box::new(move |ray| groups::cpu::closest_hit(&nodes, &leaves, extent, Order::Octant, ray))
     } else {
-        with_layout!(tree.layout, L => {
+        with_layout!(layout, L => {
             let nodes = workspace.wide.read_nodes::<L>(count).unwrap();
             Box::new(move |ray| cpu::closest_hit::<L>(&nodes, &leaves, extent, ray))
         })
@@ -219,7 +220,7 @@ pub fn traversal(tree: &Tree, counting: Counting) -> &'static Traversal {
 
 /// The same in a language.
 pub fn traversal_in(language: Language, tree: &Tree, counting: Counting) -> &'static Traversal {
-    type Key = (Language, Layout, TriangleTest, usize, u32, u32);
+    type Key = (Language, Option<Layout>, TriangleTest, usize, u32, u32);
     static KERNELS: Mutex<Option<HashMap<Key, &'static OnceLock<Traversal>>>> = Mutex::new(None);
     let params = Params { language, ..Params::default() };
     let stack = tree.stack.next_multiple_of(32).max(params.stack);

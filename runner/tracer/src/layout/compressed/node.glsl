@@ -1,7 +1,5 @@
 // Tests a ray against the children of a node: see layout/compressed/mod.rs.
 #include "load.glsl"
-#extension GL_EXT_shader_explicit_arithmetic_types_int8 : require
-layout(constant_id = 19) const uint EXPERIMENT = 0;
 
 const uint ALIGN = (STRIDE & 15) == 0 ? 16 : ((STRIDE & 7) == 0 ? 8 : 4);
 
@@ -44,41 +42,34 @@ uint children_of(Compressed c) {
     return children;
 }
 
+// A byte in bits 8 to 15 of a float whose other bits are those of LINE_OFFSET adds itself to that.
+const float LINE_OFFSET = 32768.0;
+
+vec3 lines_by_logic(uvec3 words, uint k) {
+    uvec3 placed = k == 0 ? words << 8 : words >> (8 * (k - 1));
+    return uintBitsToFloat(placed & 0xff00u | floatBitsToUint(LINE_OFFSET));
+}
+
 // The hits of a node group in the upper byte and those of a triangle group in the others (Ylitie et al. 2017, 4.2
 // and 4.3); `octinv` is 7 - octant. `t` are the distances at which the ray enters boxes that it meets.
 //
 // Planes are not decoded in space: along an axis of the ray they are crossed at distances
 //     (origin + line * step) * inverse + bias = line * (step * inverse) + (origin * inverse + bias),
 // one fused multiply-add a plane (equations 10 and 11), where `bias` widens the box by the pad.
-#define BYTES_BY_LOGIC (EXPERIMENT & 1)
-#define INT_MINMAX (EXPERIMENT & 2)
-#define MASKS (EXPERIMENT & 4)
-#define MIXED (EXPERIMENT & 8)
-#define INT8 (EXPERIMENT & 16)
-
-float line_of(uint word, uint k, bool logic) {
-    if (logic) {
-        if (INT8 != 0) {
-            u8vec4 b = unpack8(word);
-            return uintBitsToFloat(pack32(u8vec4(uint8_t(0), b[k], uint8_t(0), uint8_t(0x47))));
-        }
-        uint w = k == 0 ? word << 8 : word >> (8 * (k - 1));
-        return uintBitsToFloat((w & 0xff00u) | 0x47000000u);
-    }
-    return float(word >> (8 * k) & 255);
-}
-
 uint meet(Compressed c, Slab slab, uint octinv, float t_min, float t_max, out float t[8]) {
     vec3 step_ = uintBitsToFloat(c.exponents << 23) * slab.inverse;
     bvec3 negative = lessThan(slab.inverse, vec3(0.0));
     vec3 near_bias = fma(c.origin, slab.inverse, mix(slab.lower, slab.upper, negative));
     vec3 far_bias = fma(c.origin, slab.inverse, mix(slab.upper, slab.lower, negative));
-    vec3 near_bias2 = fma(step_, vec3(-32768.0), near_bias) - abs(step_) * 0.00390625;
-    vec3 far_bias2 = fma(step_, vec3(-32768.0), far_bias) + abs(step_) * 0.00390625;
+    // Of lines that are LINE_OFFSET too large. What rounding makes of that is worth 1/512 of a step at most.
+    vec3 loss = abs(step_) * 0.00390625;
+    vec3 near_bias_of_offset = fma(step_, vec3(-LINE_OFFSET), near_bias) - loss;
+    vec3 far_bias_of_offset = fma(step_, vec3(-LINE_OFFSET), far_bias) + loss;
     uint met = 0;
-    uint hits = 0;
+    // Four children at a time, a byte each.
     [[unroll]] for (uint four = 0; four < 2; four++) {
         uint meta4 = c.meta[four];
+        // Bits 3 and 4 are set of nodes only, whose slots are told plus 24.
         uint is_inner4 = meta4 & (meta4 << 1) & 0x10101010u;
         uint inner_mask4 = (is_inner4 >> 4) * 0xffu;
         uint bit_index4 = (meta4 ^ (octinv * 0x01010101u & inner_mask4)) & 0x1f1f1f1fu;
@@ -88,44 +79,21 @@ uint meet(Compressed c, Slab slab, uint octinv, float t_min, float t_max, out fl
         uvec3 near_lines = mix(lo, hi, negative);
         uvec3 far_lines = mix(hi, lo, negative);
         [[unroll]] for (uint k = 0; k < 4; k++) {
-            bool logic = BYTES_BY_LOGIC != 0 && (MIXED == 0 || (k == 1 || k == 2));
-            vec3 nb = logic ? near_bias2 : near_bias;
-            vec3 fb = logic ? far_bias2 : far_bias;
-            vec3 near = fma(vec3(line_of(near_lines.x, k, logic), line_of(near_lines.y, k, logic), line_of(near_lines.z, k, logic)), step_, nb);
-            vec3 far = fma(vec3(line_of(far_lines.x, k, logic), line_of(far_lines.y, k, logic), line_of(far_lines.z, k, logic)), step_, fb);
-            bool hit;
-            if (INT_MINMAX != 0) {
-                ivec3 n = floatBitsToInt(near);
-                ivec3 f = floatBitsToInt(far);
-                int enters = max(max(max(n.x, n.y), n.z), floatBitsToInt(t_min));
-                int leaves_at = min(min(min(f.x, f.y), f.z), floatBitsToInt(t_max));
-                t[4 * four + k] = intBitsToFloat(enters);
-                hit = enters <= leaves_at;
-            } else {
-                float enters = max(max(near.x, near.y), max(near.z, t_min));
-                float leaves_at = min(min(far.x, far.y), min(far.z, t_max));
-                t[4 * four + k] = enters;
-                hit = enters <= leaves_at;
-            }
-            if (MASKS != 0) {
-                hits |= hit ? 1 << (4 * four + k) : 0;
-            } else if (hit) {
+            // Devices convert bytes at a fraction of the rate of arithmetic, and have less room for logic: half each.
+            bool by_logic = k == 1 || k == 2;
+            vec3 near = fma(by_logic ? lines_by_logic(near_lines, k) : vec3(near_lines >> (8 * k) & 255), step_,
+                            by_logic ? near_bias_of_offset : near_bias);
+            vec3 far = fma(by_logic ? lines_by_logic(far_lines, k) : vec3(far_lines >> (8 * k) & 255), step_,
+                           by_logic ? far_bias_of_offset : far_bias);
+            // As integers, of which some devices find the largest of three at once. Bits of floats are in their order
+            // unless all are below zero: then this is less than the largest, or more than the least, which does no harm.
+            ivec3 n = floatBitsToInt(near), f = floatBitsToInt(far);
+            float enters = max(intBitsToFloat(max(max(n.x, n.y), n.z)), t_min);
+            float leaves_at = min(intBitsToFloat(min(min(f.x, f.y), f.z)), t_max);
+            t[4 * four + k] = enters;
+            if (enters <= leaves_at) {
                 met |= (child_bits4 >> (8 * k) & 255) << (bit_index4 >> (8 * k) & 255);
             }
-        }
-    }
-    if (MASKS != 0) {
-        uint inner = hits & c.imask;
-        inner = (octinv & 1) != 0 ? (inner & 0x55) << 1 | (inner >> 1 & 0x55) : inner;
-        inner = (octinv & 2) != 0 ? (inner & 0x33) << 2 | (inner >> 2 & 0x33) : inner;
-        inner = (octinv & 4) != 0 ? (inner & 0x0f) << 4 | (inner >> 4 & 0x0f) : inner;
-        met = inner << 24;
-        uint leaves = hits & ~c.imask;
-        while (leaves != 0) {
-            uint k = findLSB(leaves);
-            leaves &= leaves - 1;
-            uint meta = (k < 4 ? c.meta[0] : c.meta[1]) >> (8 * (k & 3));
-            met |= (meta >> 5 & 7) << (meta & 31);
         }
     }
     return met;

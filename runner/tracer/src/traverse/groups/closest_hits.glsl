@@ -14,6 +14,9 @@ layout(constant_id = 16) const uint LEAST_TESTING = 205;
 layout(constant_id = 17) const uint ORDER = 0;
 const uint OCTANT = 0, DISTANCE = 1, RANDOM = 2;
 
+// Subgroups of a workgroup, where the lanes of each test triangles together; else 0.
+layout(constant_id = 20) const uint SHARING = 0;
+
 #include "layout/compressed/node.glsl"
 
 // Above this, a group's second word has a hit, so it is one of nodes.
@@ -23,6 +26,14 @@ const uvec2 ROOT = uvec2(0, 0x80000000u);
 
 const uint SHARED_ENTRIES = SHARED_STACK > 0 ? SHARED_STACK : 1;
 shared uvec2 shared_stack[SHARED_ENTRIES * gl_WorkGroupSize.x];
+
+// Pairs of a triangle and a lane that a subgroup has room for, and those itself.
+const uint PAIRS = 64;
+shared uvec2 shared_pairs[SHARING > 0 ? SHARING * PAIRS : 1];
+// Of each lane's ray, the nearest hit that others have found just now: its distance as an integer, and its triangle.
+const int NO_HIT = 0x7fffffff;
+shared int shared_nearest[SHARING > 0 ? gl_WorkGroupSize.x : 1];
+shared uint shared_winner[SHARING > 0 ? gl_WorkGroupSize.x : 1];
 
 #define PUSH(entry)                                                                          \
     if (uint(top) < SHARED_STACK) {                                                          \
@@ -77,6 +88,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     int lost = 0;      // turns, since rays were fetched
     bool more = true;  // rays may be left in the queue
     const uint count = queue.count;
+    if (SHARING != 0) {
+        shared_nearest[gl_LocalInvocationIndex] = NO_HIT;
+    }
 
     for (;;) {
         steps++;
@@ -103,32 +117,36 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
             triangles = group;
             group = uvec2(0);
         }
-        for (;;) {
-            uint testing = lanes(triangles.y != 0);
-            if (testing == 0) {
-                break;
-            }
-            if (testing * 1024 < busy * LEAST_TESTING) {
-                if (triangles.y != 0) {
-                    PUSH(triangles)
-                    triangles.y = 0;
-                }
-                break;
-            }
-            steps++;
-            if (COUNT == RAYS) {
-                triangle_steps += step_of(testing);
-            }
-            bool uncertain = false;
-            if (triangles.y != 0) {
-                uint index = triangles.x + findLSB(triangles.y);
-                triangles.y &= triangles.y - 1;
-#include "traverse/meet_triangle.glsl"
-            }
-            if (QUOTA != 0) {
-                steps += subgroupAny(uncertain) ? 3 : 0;  // the loop in exact_distance
-                if (steps > QUOTA) {
+        if (SHARING != 0) {
+#include "traverse/groups/share.glsl"
+        } else {
+            for (;;) {
+                uint testing = lanes(triangles.y != 0);
+                if (testing == 0) {
                     break;
+                }
+                if (testing * 1024 < busy * LEAST_TESTING) {
+                    if (triangles.y != 0) {
+                        PUSH(triangles)
+                        triangles.y = 0;
+                    }
+                    break;
+                }
+                steps++;
+                if (COUNT == RAYS) {
+                    triangle_steps += step_of(testing);
+                }
+                bool uncertain = false;
+                if (triangles.y != 0) {
+                    uint index = triangles.x + findLSB(triangles.y);
+                    triangles.y &= triangles.y - 1;
+#include "traverse/meet_triangle.glsl"
+                }
+                if (QUOTA != 0) {
+                    steps += subgroupAny(uncertain) ? 3 : 0;  // the loop in exact_distance
+                    if (steps > QUOTA) {
+                        break;
+                    }
                 }
             }
         }

@@ -14,7 +14,7 @@
 //!
 //! Each turn of the main loop (algorithm 1) takes a node from the current group and puts what is left onto the stack,
 //! tests the node's children, and tests triangles until none are left or too few lanes of the subgroup have any: these
-//! go onto the stack as well.
+//! go onto the stack as well. Or all triangles are tested at once, by all lanes together: see `share.glsl`.
 
 use serde::{Deserialize, Serialize};
 
@@ -65,12 +65,23 @@ pub struct Params {
     pub r_t: f32,
     /// Entries of the stack in shared memory, 0 to 16, 8 bytes an invocation each; the rest is in memory of its own.
     pub shared_stack: u32,
+    /// Whether the lanes of a subgroup test the triangles of all their rays together (`groups/share.glsl`), so that none
+    /// need be put off. Not in the paper.
+    pub share_triangles: bool,
 }
 
 impl Default for Params {
     fn default() -> Self {
         // 5.1; of 8 to 12 entries the paper found no difference.
-        Self { fetch: Fetch::LostWork, n_w: 16, n_d: 4, n_t: 8, r_t: 0.2, shared_stack: 8 }
+        Self {
+            fetch: Fetch::LostWork,
+            n_w: 16,
+            n_d: 4,
+            n_t: 8,
+            r_t: 0.2,
+            shared_stack: 8,
+            share_triangles: false,
+        }
     }
 }
 

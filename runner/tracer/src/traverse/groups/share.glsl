@@ -1,0 +1,77 @@
+// Statements of closest_hits.glsl: the lanes of a subgroup test the triangles of all their rays together, so that few
+// lanes are idle, whichever rays the triangles are of. Pairs of a triangle and the lane that has its ray are written to
+// shared memory, then every lane takes one, borrows the ray, and tells the ray's lane of a hit.
+for (;;) {
+    uint own = bitCount(triangles.y);
+    uint at = subgroupExclusiveAdd(own);
+    uint all = subgroupMax(at + own);
+    if (all == 0) {
+        break;
+    }
+    steps += 32;  // most triangles of a group, and the rounds below
+    // What finds no room waits.
+    while (triangles.y != 0 && at < PAIRS) {
+        shared_pairs[gl_SubgroupID * PAIRS + at] =
+            uvec2(triangles.x + findLSB(triangles.y), gl_SubgroupInvocationID);
+        triangles.y &= triangles.y - 1;
+        triangles_tested++;
+        at++;
+    }
+    subgroupMemoryBarrierShared();
+    subgroupBarrier();
+    uint pairs = min(all, PAIRS);
+    for (uint first_pair = 0; first_pair < pairs; first_pair += gl_SubgroupSize) {
+        uint its = first_pair + gl_SubgroupInvocationID;
+        bool testing = its < pairs;
+        uvec2 pair = shared_pairs[gl_SubgroupID * PAIRS + min(its, pairs - 1)];
+        if (COUNT == RAYS) {
+            triangle_steps += step_of(lanes(testing));
+        }
+        float t_max = subgroupShuffle(best.t, pair.y);
+        Hit found_by_lane = Hit(t_max, MISS);
+        {
+            uint index = pair.x;
+            uint ray = subgroupShuffle(ray, pair.y);
+            vec3 origin = subgroupShuffle(origin, pair.y);
+            float t_min = subgroupShuffle(t_min, pair.y);
+            Shear shear = Shear(subgroupShuffle(shear.shear, pair.y),
+                                TRIANGLE_TEST == WATERTIGHT ? subgroupShuffle(shear.axis, pair.y) : 0);
+            Hit best = found_by_lane;
+            uint triangles_tested = 0;
+            bool uncertain = false;
+            if (testing) {
+#include "traverse/meet_triangle.glsl"
+            }
+            found_by_lane = best;
+            if (QUOTA != 0) {
+                steps += subgroupAny(uncertain) ? 3 : 0;  // the loop in exact_distance
+            }
+        }
+        bool hit = found_by_lane.triangle != MISS;
+        if (subgroupAny(hit)) {
+            // Of the hits of one ray, the nearest; floats are in the order of these integers.
+            uint of = gl_SubgroupID * gl_SubgroupSize + pair.y;
+            int key = floatBitsToInt(found_by_lane.t);
+            key ^= key >> 31 & 0x7fffffff;
+            if (hit) {
+                atomicMin(shared_nearest[of], key);
+            }
+            subgroupMemoryBarrierShared();
+            subgroupBarrier();
+            if (hit && shared_nearest[of] == key) {
+                shared_winner[of] = found_by_lane.triangle;
+            }
+            subgroupMemoryBarrierShared();
+            subgroupBarrier();
+            uint mine = gl_SubgroupID * gl_SubgroupSize + gl_SubgroupInvocationID;
+            int nearest = shared_nearest[mine];
+            if (nearest != NO_HIT) {
+                best = Hit(intBitsToFloat(nearest ^ (nearest >> 31 & 0x7fffffff)), shared_winner[mine]);
+                shared_nearest[mine] = NO_HIT;
+            }
+        }
+        // Before pairs and hits are written again.
+        subgroupMemoryBarrierShared();
+        subgroupBarrier();
+    }
+}
