@@ -487,6 +487,8 @@ pub enum Build {
     Ploc,
     /// Spatial splits, on the CPU: better, and slower to build; parameters sbvh.*
     Sbvh,
+    /// Boxes halved in the middle, on the CPU, as RTRS does; no parameters
+    Midpoint,
 }
 
 impl From<Build> for tracer::builder::Method {
@@ -494,6 +496,7 @@ impl From<Build> for tracer::builder::Method {
         match build {
             Build::Ploc => Self::Ploc,
             Build::Sbvh => Self::Sbvh,
+            Build::Midpoint => Self::Midpoint,
         }
     }
 }

@@ -52,9 +52,9 @@ pub fn precompute(global: &Global, arguments: &Precompute) -> anyhow::Result<()>
             let (tree, seconds) = clustered(&session, &loaded, &params)?;
             store(&tree, seconds)?;
         }
-        Method::Sbvh => {
-            let split = loaded.split(&params.sbvh, session.quiet);
-            store(&split.tree, 1e-3 * split.milliseconds)?;
+        Method::Sbvh | Method::Midpoint => {
+            let built = loaded.built_on_cpu(&params.recipe(), session.quiet);
+            store(&built.tree, 1e-3 * built.milliseconds)?;
         }
     }
     session.finish()

@@ -208,7 +208,7 @@ pub fn variants(global: &Global, tuning: &args::Tuning, json: bool) -> anyhow::R
         if let Some(reason) = missing.as_ref().filter(|reason| !reasons.contains(reason)) {
             reasons.push(reason.clone());
         }
-        let layout = variant.layout;
+        let layout = variant.layout();
         let bytes = layout.map(Layout::node_bytes);
         let stride = layout.map(|layout| layout.stride(&params.layout));
         let method = layout.map(|_| params.build(variant).contract.method);
@@ -261,7 +261,8 @@ pub fn variants(global: &Global, tuning: &args::Tuning, json: bool) -> anyhow::R
     print(&format!(
         "{}{unavailable}\n\ncontraction: sah by surface area and triangles, cbtc by visits of sample rays from the view, optimal of least\n\
          SAH cost. c_t: what visiting a node costs when leaves are merged. subgroups: of a workgroup, for primary and\n\
-         secondary rays. Driver: the driver's own ray tracing, which does not tell what its trees are like.\n\
+         secondary rays. Driver: the driver's own ray tracing, which does not tell what its trees are like. Naive: no tree,\n\
+         every triangle. Blank: no triangle either, what all else costs. These two are taken by their names only.\n\
          All of these are parameters; `--set` changes them, as it does in `runner run`.",
         table::shown(&rows)
     ))

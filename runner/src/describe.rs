@@ -6,6 +6,7 @@ use tracer::{
     builder::BuildReport,
     driver,
     gpu::{DeviceInfo, DeviceKind},
+    list,
     measure::tree::TreeStats,
     path::WaveCounts,
     scene::{Origin, Scene},
@@ -18,6 +19,7 @@ pub fn repetition(report: &BuildReport) -> Repetition {
     // A tree for a view is made of one that is there: its first phases take no part.
     let phases = phases(&[
         ("sbvh", took.sbvh),
+        ("midpoint", took.midpoint),
         ("adopt", took.adopt),
         ("morton", took.morton),
         ("sort", took.sort),
@@ -35,6 +37,11 @@ pub fn by_driver(took: &driver::Milliseconds) -> Repetition {
         milliseconds: took.total,
         phases: phases(&[("bottom", took.bottom), ("compact", took.compact), ("top", took.top)]),
     }
+}
+
+/// One build of no tree.
+pub fn listing(milliseconds: f64) -> Repetition {
+    Repetition { milliseconds, phases: phases(&[("layout", milliseconds)]) }
 }
 
 /// Those that took part.
@@ -61,6 +68,16 @@ pub fn tree(stats: &TreeStats) -> record::Tree {
 /// What the driver tells of the tree that it has made: how much memory it takes.
 pub fn driver_tree(structure: &driver::Structure) -> record::Tree {
     record::Tree { bytes: Some(structure.bytes()), ..record::Tree::default() }
+}
+
+/// No tree: the triangles alone.
+pub fn list(list: &list::List) -> record::Tree {
+    record::Tree {
+        nodes: Some(0),
+        node_bytes: Some(0),
+        triangle_bytes: Some(list.triangle_bytes()),
+        ..record::Tree::default()
+    }
 }
 
 /// What the rays of a wavefront met, and how well subgroups of a size were used.
@@ -91,6 +108,7 @@ pub fn adopted(name: String, sha256: String, made: &Made, read_milliseconds: f64
             parameters.add("morton", morton).and_then(|()| parameters.add("ploc", ploc))
         }
         Recipe::Sbvh { sbvh } => parameters.add("sbvh", sbvh),
+        Recipe::Midpoint => Ok(()),
     };
     added.expect("parameters are plain data");
     let method = made.recipe.method().to_string();

@@ -6,6 +6,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use tracer::{
     builder::{BuildParams, Method},
+    collapse::CollapseParams,
     contract::{ContractParams, Contraction, Form, Numbering},
     gpu::Gpu,
     layout::{Layout, LayoutParams},
@@ -28,7 +29,7 @@ pub struct Params {
     /// Clustering.
     pub ploc: tracer::ploc::PlocParams,
     /// Merging of leaves.
-    pub collapse: tracer::collapse::CollapseParams,
+    pub collapse: CollapseParams,
     /// Which boxes share a node.
     pub contract: Contract,
     /// Sample rays for variants that go by view.
@@ -106,14 +107,14 @@ impl Params {
     /// The defaults of a variant.
     pub fn of(variant: Variant) -> Self {
         let mut params = Self::default();
-        // The driver takes none of what is below.
-        let Some(layout) = variant.layout else { return params };
+        // What has no tree of ours takes none of what is below.
+        let Some(layout) = variant.layout() else { return params };
         // Thesis 6.3, table 5: wider nodes are dearer to visit.
         params.collapse.traversal_cost = match layout {
             Layout::Binary | Layout::Wide4 | Layout::Quantized4 => 2.0,
             Layout::Wide6 | Layout::Quantized6 | Layout::Quantized8 => 3.0,
             Layout::Wide8 => 4.0,
-            Layout::Compressed8 => 2.0,
+            Layout::Compressed8 | Layout::Direct | Layout::Reduced => 2.0,
         };
         if layout.is_compressed() {
             // Ylitie et al. 2017, 3.4; where another method is chosen, leaves are no larger.
@@ -121,6 +122,8 @@ impl Params {
             params.contract.numbering = Numbering::DepthFirst;
             params.collapse.max_leaf = layout.limits().triangles_per_leaf as u32;
         }
+        let largest = layout.limits().triangles_per_leaf as u32;
+        params.collapse.max_leaf = params.collapse.max_leaf.min(largest);
         params
     }
 
@@ -142,11 +145,16 @@ impl Params {
             method: self.build.method,
             morton: self.morton.clone(),
             ploc: self.ploc.clone(),
-            collapse: self.collapse.clone(),
+            collapse: self.collapse(),
             contract: ContractParams { method, alpha, form, numbering, c_node, c_prim, p_max },
             layout: LayoutParams { assignment: self.order.assignment, ..self.layout.clone() },
             triangle: self.triangle.clone(),
         }
+    }
+
+    /// How leaves are merged.
+    pub fn collapse(&self) -> CollapseParams {
+        CollapseParams { by_size: self.build.method == Method::Midpoint, ..self.collapse.clone() }
     }
 
     /// What the traversal of a variant takes.
@@ -162,7 +170,7 @@ impl Params {
 
     /// Whether the device has room for the workgroups of a variant's kernels.
     pub fn fits(&self, variant: Variant, gpu: &Gpu) -> bool {
-        variant.layout.is_none_or(|layout| self.trace(variant).fits(gpu, layout))
+        variant.layout().is_none_or(|layout| self.trace(variant).fits(gpu, layout))
     }
 
     /// What the binary tree is made by.
@@ -170,6 +178,7 @@ impl Params {
         match self.build.method {
             Method::Ploc => Recipe::Ploc { morton: self.morton.clone(), ploc: self.ploc.clone() },
             Method::Sbvh => Recipe::Sbvh { sbvh: self.sbvh.clone() },
+            Method::Midpoint => Recipe::Midpoint,
         }
     }
 
@@ -179,6 +188,7 @@ impl Params {
         match recipe.clone() {
             Recipe::Ploc { morton, ploc } => (self.morton, self.ploc) = (morton, ploc),
             Recipe::Sbvh { sbvh } => self.sbvh = sbvh,
+            Recipe::Midpoint => {}
         }
     }
 
@@ -383,7 +393,7 @@ mod tests {
 
     #[test]
     fn the_recipe_of_a_tree_is_taken_over_whole() {
-        for assignment in ["build.method=sbvh", "ploc.radius=4"] {
+        for assignment in ["build.method=sbvh", "build.method=midpoint", "ploc.radius=4"] {
             let set = ["sbvh.alpha=0.5".into(), "morton.bits=12".into(), assignment.into()];
             let made = Params::with(Variant::BINARY, &set).unwrap().recipe();
             let mut params = Params::default();

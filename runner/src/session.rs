@@ -29,14 +29,16 @@ use tracer::{
     driver,
     gpu::{Buffer, Gpu, Options, Pass, Selector},
     layout::Layout,
+    list,
     measure::tree::stats,
+    midpoint,
     path::{Camera, DeviceScene, PathTracer},
     sbvh::{
         SbvhParams,
         cache::{self, Built},
     },
     scene::{self, Scene, SearchPath},
-    traverse::{Buffers, Counting, Hit, Queue, Ray, Traversal, Tree, Wave},
+    traverse::{Buffers, Counting, Hit, Queue, Ray, Structure, Traversal, Tree, Wave},
     treefile::{self, Recipe},
     with_layout,
 };
@@ -57,7 +59,7 @@ pub struct Loaded {
     /// The binary tree that a file gave, which all builds start from.
     given: Option<Given>,
     /// The binary tree that the CPU last made of it, and what it took.
-    split: RefCell<Option<Rc<Split>>>,
+    built: RefCell<Option<Rc<BuiltOnCpu>>>,
     /// The rays of views that were collected last; the one used last comes last.
     wavefronts: RefCell<Vec<(Seen, Rc<Bounces>)>>,
 }
@@ -81,9 +83,9 @@ pub struct Seen {
     pub path: tracer::path::Params,
 }
 
-/// A binary tree with spatial splits.
-pub struct Split {
-    params: SbvhParams,
+/// A binary tree that was built on the CPU.
+pub struct BuiltOnCpu {
+    recipe: Recipe,
     /// The tree.
     pub tree: Bvh2,
     /// What building it took, in milliseconds.
@@ -134,11 +136,30 @@ impl Loaded {
         self.wavefronts.borrow().iter().flat_map(|(_, bounces)| &bounces.waves).map(TraceMemory::bytes).sum()
     }
 
-    /// The binary tree with spatial splits: the last one, or from disk, or built now.
-    pub fn split(&self, params: &SbvhParams, quiet: bool) -> Rc<Split> {
-        if let Some(split) = self.split.borrow().as_ref().filter(|split| split.params == *params) {
-            return split.clone();
+    /// The binary tree of a recipe: the last one, or from disk, or built now.
+    ///
+    /// # Panics
+    /// It is for the device.
+    pub fn built_on_cpu(&self, recipe: &Recipe, quiet: bool) -> Rc<BuiltOnCpu> {
+        if let Some(built) = self.built.borrow().as_ref().filter(|built| built.recipe == *recipe) {
+            return built.clone();
         }
+        let (tree, seconds) = match recipe {
+            Recipe::Sbvh { sbvh } => self.split(sbvh, quiet),
+            Recipe::Midpoint => {
+                let started = Instant::now();
+                let tree = midpoint::build(&self.scene.positions);
+                (tree, started.elapsed().as_secs_f64())
+            }
+            Recipe::Ploc { .. } => panic!("the device clusters"),
+        };
+        let built = Rc::new(BuiltOnCpu { recipe: recipe.clone(), tree, milliseconds: 1e3 * seconds });
+        *self.built.borrow_mut() = Some(built.clone());
+        built
+    }
+
+    /// The binary tree with spatial splits, from disk or built now, and the seconds that building it took.
+    fn split(&self, params: &SbvhParams, quiet: bool) -> (Bvh2, f64) {
         let folder = cache::default_folder();
         let (tree, built) = cache::load_or_build(&self.scene.positions, params, folder.as_deref());
         for note in &built.notes {
@@ -156,9 +177,7 @@ impl Loaded {
                 thousands(triangles)
             ),
         );
-        let split = Rc::new(Split { params: params.clone(), tree, milliseconds: 1e3 * seconds });
-        *self.split.borrow_mut() = Some(split.clone());
-        split
+        (tree, seconds)
     }
 
     /// Lets all builds start from the binary tree in a file.
@@ -226,10 +245,10 @@ impl Loaded {
         }
         match params.build.method {
             Method::Ploc => Ok(builder.workspace(self.device.triangles)?),
-            Method::Sbvh => {
-                let split = self.split(&params.sbvh, session.quiet);
-                let workspace = builder.workspace(split.tree.leaves)?;
-                let (tree, made) = (&split.tree, Some(split.milliseconds));
+            method @ (Method::Sbvh | Method::Midpoint) => {
+                let built = self.built_on_cpu(&params.recipe(), session.quiet);
+                let workspace = builder.workspace(built.tree.leaves)?;
+                let (tree, made) = (&built.tree, Some((method, built.milliseconds)));
                 workspace.adopt(&session.gpu, tree, self.device.triangles, made)?;
                 Ok(workspace)
             }
@@ -262,6 +281,7 @@ pub struct Planted {
 enum Memory {
     Ours(Box<WideWorkspace>),
     Driver(driver::Structure),
+    List(list::List),
 }
 
 /// A binary tree to which variants that go by view return for every view: what sample rays are traced
@@ -572,7 +592,7 @@ impl Session {
             device,
             spec: spec.to_owned(),
             given: None,
-            split: RefCell::default(),
+            built: RefCell::default(),
             wavefronts: RefCell::default(),
         })
     }
@@ -595,18 +615,33 @@ impl Session {
         let context = || format!("building {variant} for {}", loaded.scene.name);
         let Loaded { device: DeviceScene { positions, triangles: count, extent, .. }, .. } = loaded;
         let (count, extent) = (*count, *extent);
-        let Some(layout) = variant.layout else {
-            let builder = driver::Builder::new(&self.gpu, &params.driver, positions, count)?;
-            let build = || builder.build(positions).with_context(context);
-            let took = again_and_again(warm_up, repetitions, build, |took| each(describe::by_driver(took)))?;
-            debug_assert!(took.total > 0.0);
-            let structure = builder.finish();
-            let (tree, statistics) = (structure.tree(extent), describe::driver_tree(&structure));
-            let planted = Planted { tree, statistics, _memory: Memory::Driver(structure) };
-            return Ok(Plant::Planted(Box::new(planted)));
+        let layout = match variant.structure {
+            Structure::Nodes(layout) => layout,
+            Structure::Driver => {
+                let builder = driver::Builder::new(&self.gpu, &params.driver, positions, count)?;
+                let build = || builder.build(positions).with_context(context);
+                let took =
+                    again_and_again(warm_up, repetitions, build, |took| each(describe::by_driver(took)))?;
+                debug_assert!(took.total > 0.0);
+                let structure = builder.finish();
+                let (tree, statistics) = (structure.tree(extent), describe::driver_tree(&structure));
+                let planted = Planted { tree, statistics, _memory: Memory::Driver(structure) };
+                return Ok(Plant::Planted(Box::new(planted)));
+            }
+            Structure::List(listing) => {
+                let builder = list::Builder::new(&self.gpu, listing, params.triangle.test, count)
+                    .with_context(context)?;
+                let build = || builder.build(positions).with_context(context);
+                again_and_again(warm_up, repetitions, build, |&took| each(describe::listing(took)))?;
+                let list = builder.finish();
+                let (tree, statistics) = (list.tree(extent), describe::list(&list));
+                let planted = Planted { tree, statistics, _memory: Memory::List(list) };
+                return Ok(Plant::Planted(Box::new(planted)));
+            }
         };
         let layout_of_first = if variant.by_view { Layout::Binary } else { layout };
-        let first = Variant { layout: Some(layout_of_first), by_view: false, ..variant };
+        let structure = Structure::Nodes(layout_of_first);
+        let first = Variant { structure, by_view: false, ..variant };
         let builder =
             loaded.builder(&self.gpu, &params.build(first), layout_of_first).with_context(context)?;
         let workspace = loaded.workspace(self, params, &builder).with_context(context)?;

@@ -1,7 +1,11 @@
 //! What a sample is: whole paths of its own, or the rays of every bounce launched once more.
 
 use super::{Plan, kernels::Kernels};
-use crate::session::{Bounces, Loaded, Seen, Session, TraceMemory};
+use crate::{
+    params::Params,
+    session::{Bounces, Loaded, Plant, Planted, Seen, Session, TraceMemory},
+    variant::Variant,
+};
 use record::{Launch, Method};
 use std::{
     rc::Rc,
@@ -11,7 +15,7 @@ use tracer::{
     gpu::Pass,
     path::{Camera, PathTracer},
     scene::View,
-    traverse::{Queue, Traversal, Tree, Wave},
+    traverse::{Counting, Queue, Traversal, Tree, Wave},
 };
 
 /// The samples of one view.
@@ -23,6 +27,17 @@ pub struct Shots<'a> {
     camera: &'a Camera,
     /// Of the method that replays them, the rays of each bounce.
     bounces: Option<Rc<Bounces>>,
+}
+
+/// What finds the hits of a scene, whatever is measured.
+fn plain(session: &Session, loaded: &Loaded) -> anyhow::Result<(Box<Planted>, Traversal)> {
+    let (variant, params) = (Variant::BINARY, Params::of(Variant::BINARY));
+    let Plant::Planted(planted) = session.plant(loaded, variant, &params, None, 1, |_| ())? else {
+        unreachable!("{variant} does not go by view")
+    };
+    // Tracers that count have room for that, and want it done.
+    let traversal = session.traversal(&planted.tree, variant, &params, Counting::Rays)?;
+    Ok((planted, traversal))
 }
 
 impl<'a> Shots<'a> {
@@ -46,9 +61,15 @@ impl<'a> Shots<'a> {
                 Some(loaded.wavefronts(&session.gpu, &seen, || {
                     let mut bounces = Vec::new();
                     let mut failed = None;
+                    // Where nothing is hit there are no bounces: they are those of another variant.
+                    let other = if kernels.hit() { None } else { Some(plain(session, loaded)?) };
+                    let (counting, tree) = match &other {
+                        Some((planted, traversal)) => (traversal, &planted.tree),
+                        None => (&kernels.counting, tree),
+                    };
                     // A traversal that counts, or would if the driver told, meets the same rays, and is there whichever
                     // kernels are timed.
-                    tracer.wavefronts(&kernels.counting, tree, camera, 0, |wave| {
+                    tracer.wavefronts(counting, tree, camera, 0, |wave| {
                         if !wave.rays.is_empty() {
                             match TraceMemory::new(&session.gpu, &wave.rays) {
                                 Ok(memory) => bounces.push(memory),

@@ -8,7 +8,7 @@
 //! Everything is recorded into one submission, and nothing is read back before its end: how many
 //! iterations the clustering takes, and how large each is, only the GPU knows.
 //!
-//! A binary tree can also come from elsewhere, such as [`crate::sbvh`] or a file ([`crate::treefile`]): then
+//! A binary tree can also come from elsewhere, such as [`crate::sbvh`], [`crate::midpoint`] or a file ([`crate::treefile`]): then
 //! [`BuildWorkspace::adopt`] takes the place of everything before the collapse.
 
 use crate::{
@@ -23,7 +23,7 @@ use crate::{
     morton::{BOUNDS_BYTES, Morton, MortonParams, SceneBounds},
     ploc::{Ploc, PlocBuffers, PlocParams},
     sort::{Sort, SortBuffers},
-    traverse::{Tree, TriangleParams, groups::STACK_PER_NODE},
+    traverse::{Structure, Tree, TriangleParams, groups::STACK_PER_NODE},
 };
 use serde::{Deserialize, Serialize};
 use std::{cell::Cell, fmt, ops::Range, time::Instant};
@@ -57,6 +57,9 @@ pub enum Method {
     Ploc,
     /// Spatial splits, on the CPU: [`crate::sbvh`]. Better, and slower to build.
     Sbvh,
+    /// Boxes halved in the middle, on the CPU, with leaves of all subtrees of up to `collapse.max_leaf` triangles:
+    /// [`crate::midpoint`]. RTRS's.
+    Midpoint,
 }
 
 impl fmt::Display for Method {
@@ -65,6 +68,7 @@ impl fmt::Display for Method {
         out.pad(match self {
             Self::Ploc => "ploc",
             Self::Sbvh => "sbvh",
+            Self::Midpoint => "midpoint",
         })
     }
 }
@@ -102,6 +106,8 @@ pub enum BuildError {
 pub struct BuildMilliseconds {
     /// Splitting in space, on the CPU; nothing where the tree is built on the device.
     pub sbvh: f64,
+    /// Halving boxes in the middle, on the CPU; nothing where the tree is built otherwise.
+    pub midpoint: f64,
     /// Copying a binary tree to the device that was made before; nothing where it was made for this build.
     pub adopt: f64,
     /// Scene bounds and Morton codes.
@@ -125,15 +131,18 @@ pub struct BuildMilliseconds {
 struct Before {
     /// Splitting in space.
     sbvh: f64,
+    /// Halving boxes in the middle.
+    midpoint: f64,
     /// Copying a tree to the device.
     adopt: f64,
 }
 
 impl BuildMilliseconds {
-    fn of(timings: &Timings, Before { sbvh, adopt }: Before) -> Self {
+    fn of(timings: &Timings, Before { sbvh, midpoint, adopt }: Before) -> Self {
         let under = |name: &str| timings.milliseconds(&format!("build/{name}"));
         Self {
             sbvh,
+            midpoint,
             adopt,
             morton: under("morton"),
             sort: under("sort"),
@@ -141,7 +150,7 @@ impl BuildMilliseconds {
             collapse: under("collapse"),
             contract: under("contract"),
             layout: under("layout"),
-            total: sbvh + adopt + timings.milliseconds("build"),
+            total: sbvh + midpoint + adopt + timings.milliseconds("build"),
         }
     }
 }
@@ -663,14 +672,15 @@ impl WideWorkspace {
             triangles: self.stored.triangles.stored.address(),
             indices: self.stored.triangles.indices_address(),
             test: self.stored.triangles.test(),
-            layout: Some(self.layout),
+            structure: Structure::Nodes(self.layout),
+            listed: 0,
             stride: self.stride,
             stack: if self.layout.is_compressed() { STACK_PER_NODE * summary.depth } else { summary.stack },
             extent,
         }
     }
 
-    /// Copies the first `count` nodes to the host.
+    /// Copies the nodes of a wide tree of `count` to the host: [`Layout::items`] of them.
     ///
     /// # Errors
     /// A transfer failed.
@@ -680,7 +690,7 @@ impl WideWorkspace {
     pub fn read_nodes<L: NodeLayout>(&self, count: usize) -> Result<Vec<L::Node>, Error> {
         let size = size_of::<L::Node>();
         assert_eq!(size, self.layout.node_bytes(), "{} nodes in a tree of {:?}", L::NAME, self.layout);
-        let bytes: Vec<u8> = self.stored.nodes.read(0, count * self.stride)?;
+        let bytes: Vec<u8> = self.stored.nodes.read(0, self.layout.items(count) * self.stride)?;
         Ok(bytes.chunks_exact(self.stride).map(|b| bytemuck::pod_read_unaligned(&b[..size])).collect())
     }
 
@@ -695,20 +705,30 @@ impl WideWorkspace {
 
 impl BuildWorkspace {
     /// Copies a binary tree over `triangles` triangles to the device. Builds from it took as long before their first
-    /// dispatch as making it took the CPU, `made` milliseconds; where it was there already (`None`), as long as this copy.
+    /// dispatch as making it by a method took the CPU, `made` milliseconds; where it was there already (`None`), as long as
+    /// this copy.
     ///
     /// # Errors
     /// A transfer failed.
     ///
     /// # Panics
     /// It has more leaves than the workspace was made for.
-    pub fn adopt(&self, gpu: &Gpu, tree: &Bvh2, triangles: usize, made: Option<f64>) -> Result<(), Error> {
+    pub fn adopt(
+        &self,
+        gpu: &Gpu,
+        tree: &Bvh2,
+        triangles: usize,
+        made: Option<(Method, f64)>,
+    ) -> Result<(), Error> {
         assert!(tree.leaves <= self.capacity, "{} leaves in a workspace for {}", tree.leaves, self.capacity);
         let started = Instant::now();
         let levels = self.tree.write(gpu, tree)?;
         let before = match made {
-            Some(sbvh) => Before { sbvh, adopt: 0.0 },
-            None => Before { sbvh: 0.0, adopt: 1e3 * started.elapsed().as_secs_f64() },
+            Some((Method::Sbvh, sbvh)) => Before { sbvh, ..Before::default() },
+            Some((Method::Midpoint, midpoint)) => Before { midpoint, ..Before::default() },
+            Some((Method::Ploc, _)) | None => {
+                Before { adopt: 1e3 * started.elapsed().as_secs_f64(), ..Before::default() }
+            }
         };
         let dispatches = Dispatches { iterations: 0, levels };
         self.last.set(Some(Last { triangles, leaves: tree.leaves, dispatches, before }));

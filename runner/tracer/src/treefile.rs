@@ -58,6 +58,8 @@ pub enum Recipe {
         /// When to split.
         sbvh: SbvhParams,
     },
+    /// Boxes halved in the middle: [`crate::midpoint`], which goes by nothing.
+    Midpoint,
 }
 
 impl Recipe {
@@ -66,6 +68,7 @@ impl Recipe {
         match self {
             Self::Ploc { .. } => Method::Ploc,
             Self::Sbvh { .. } => Method::Sbvh,
+            Self::Midpoint => Method::Midpoint,
         }
     }
 }
@@ -219,7 +222,7 @@ pub fn decode(bytes: &[u8], content: &Hash, triangles: usize) -> Result<(Bvh2, M
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ploc, sbvh};
+    use crate::{midpoint, ploc, sbvh};
 
     fn triangles(count: usize) -> Vec<Triangle> {
         (0..count)
@@ -251,7 +254,8 @@ mod tests {
             let clustered = ploc::cpu::build(&triangles, &order, 1.0, &PlocParams::default());
             let clustering = Recipe::Ploc { morton: MortonParams::default(), ploc: PlocParams { radius: 3 } };
             let split = sbvh::build(&triangles, &SbvhParams::default());
-            for (tree, recipe) in [(clustered, clustering), (split, splits())] {
+            let halved = midpoint::build(&triangles);
+            for (tree, recipe) in [(clustered, clustering), (split, splits()), (halved, Recipe::Midpoint)] {
                 let made = made(recipe);
                 let (read, how) = decode(&encode(&tree, &made, &content, count), &content, count).unwrap();
                 assert_eq!(bits(&read), bits(&tree));

@@ -16,6 +16,7 @@ use tracer::{
         compressed::Assignment,
     },
     measure::tree::stats,
+    midpoint,
     morton::{self, MortonParams},
     ploc::{self, PlocParams},
     sbvh::{self, SbvhParams},
@@ -59,7 +60,7 @@ impl<'a> Collapsed<'a> {
         what: &str,
     ) -> WideBvh {
         let BuildParams { contract: params, layout: stored, .. } = params;
-        let layout = to.tree(&report.summary, 0.0).layout.expect("a layout of ours");
+        let layout = to.tree(&report.summary, 0.0).structure.layout().expect("a layout of ours");
         let what = format!("{what}, {layout:?}");
         let wide = to.read_wide(report.summary.nodes as usize).unwrap();
         assert_eq!(
@@ -127,7 +128,7 @@ fn check(builder: &Builder, workspace: &BuildWorkspace, triangles: &[Triangle], 
     assert!(read.subtrees == subtrees, "{what}: subtrees differ from the twin's");
     read.check(&workspace.wide, &report, params, None, what);
 
-    let layout = workspace.wide.tree(&report.summary, 0.0).layout.expect("a layout of ours");
+    let layout = workspace.wide.tree(&report.summary, 0.0).structure.layout().expect("a layout of ours");
     if let (Layout::Binary, Some(root)) = (layout, subtrees.last()) {
         // The collapse knows what its tree costs; its sums are in single precision and in the scene's scale.
         let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();
@@ -679,7 +680,7 @@ fn trees_with_spatial_splits_are_widened_as_others_are() {
                 split_any |= tree.leaves > triangles.len();
                 let buffer = gpu().upload("triangles", triangles).unwrap();
                 let workspace = builder.workspace(tree.leaves).unwrap();
-                workspace.adopt(gpu(), &tree, triangles.len(), Some(7.0)).unwrap();
+                workspace.adopt(gpu(), &tree, triangles.len(), Some((Method::Sbvh, 7.0))).unwrap();
                 let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
                 let read = Collapsed::read(&workspace, triangles);
                 assert!(read.tree == tree, "{what}: the tree that was adopted");
@@ -691,6 +692,55 @@ fn trees_with_spatial_splits_are_widened_as_others_are() {
         }
     }
     assert!(split_any, "some triangles were split");
+    assert_silent();
+}
+
+/// Of boxes halved in the middle, every subtree that is small enough is a leaf, in every layout.
+#[test]
+fn halved_trees_have_leaves_as_large_as_they_may_be() {
+    let scenes: Vec<_> = [1, 2, 3, 8, 9, 1500]
+        .into_iter()
+        .map(|n| (format!("{n} scattered"), scattered(n, 10.0, 1.0)))
+        .chain(awkward(200).into_iter().map(|(what, triangles)| (what.to_owned(), triangles)))
+        .collect();
+    for (layout, max_leaf) in
+        [(Layout::Binary, 16), (Layout::Direct, 2), (Layout::Reduced, 8), (Layout::Wide8, 1)]
+    {
+        let collapse = CollapseParams { max_leaf, by_size: true, ..Default::default() };
+        let params = BuildParams { method: Method::Midpoint, collapse, ..usual(layout) };
+        let builder = Builder::new(gpu(), &params, layout).unwrap();
+        for (what, triangles) in &scenes {
+            let tree = midpoint::build(triangles);
+            let buffer = gpu().upload("triangles", triangles).unwrap();
+            let workspace = builder.workspace(tree.leaves).unwrap();
+            workspace.adopt(gpu(), &tree, triangles.len(), Some((Method::Midpoint, 7.0))).unwrap();
+            let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
+            let read = Collapsed::read(&workspace, triangles);
+            assert!(read.tree == tree, "{what}: the tree that was adopted");
+            let subtrees = collapse::cpu::collapse(&tree, read.scale, &params.collapse);
+            assert!(read.subtrees == subtrees, "{what}: subtrees differ from the twin's");
+            let below = subtrees.split_last().map_or(&[][..], |(_, below)| below);
+            assert!(below.iter().all(|s| (s.inner == 0) == (s.triangles <= max_leaf)), "{what}");
+            read.check(&workspace.wide, &report, &params, None, what);
+            let took = report.milliseconds;
+            assert!(took.midpoint == 7.0 && took.sbvh == 0.0 && took.total >= 7.0, "{what}: {took:?}");
+        }
+    }
+    assert_silent();
+}
+
+/// More nodes than one launch gives their items to.
+#[test]
+fn items_of_many_nodes_follow_each_other() {
+    let triangles = terrain(70_000);
+    let collapse = CollapseParams { max_leaf: 1, ..Default::default() };
+    let params = BuildParams { collapse, ..BuildParams::default() };
+    let builder = Builder::new(gpu(), &params, Layout::Reduced).unwrap();
+    let workspace = builder.workspace(triangles.len()).unwrap();
+    let buffer = gpu().upload("triangles", &triangles).unwrap();
+    let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
+    assert!(report.summary.nodes > 1 << 16);
+    Collapsed::read(&workspace, &triangles).check(&workspace.wide, &report, &params, None, "many");
     assert_silent();
 }
 

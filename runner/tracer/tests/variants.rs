@@ -95,7 +95,7 @@ fn every_layout_gives_the_same_distances_in_every_scene() {
                     // precision can tell about the scene's extent.
                     let off = (hit.t - want.t).abs();
                     let near = hit.t == want.t || off <= 1e-5 * want.t + 1e-6 * device.extent;
-                    let what = format!("{name}, {:?}, depth {}", tree.layout, wave.depth);
+                    let what = format!("{name}, {:?}, depth {}", tree.structure, wave.depth);
                     assert!(near, "{what}: {ray:?}: {hit:?}, not {want:?}");
                 }
             }

@@ -10,6 +10,8 @@
 // Bottom up, a level a dispatch: is a node cheaper as a leaf of all its triangles?
 
 layout(local_size_x_id = 0) in;
+// Whether all that is small enough becomes a leaf.
+layout(constant_id = 1) const uint BY_SIZE = 0;
 
 layout(push_constant, scalar) uniform Push {
     Bvh2Nodes nodes;
@@ -46,7 +48,7 @@ void visit(uint index, uint leaves, float scale) {
     Subtree result = Subtree(as_inner, triangles, 1 + l.inner + r.inner, 1 + max(l.height, r.height));
     // The root stays: layouts keep a child's box in its parent, so there has to be one.
     bool root = index == 2 * leaves - 2;
-    if (triangles <= max_leaf && as_leaf <= as_inner && !root) {
+    if (triangles <= max_leaf && (BY_SIZE != 0 || as_leaf <= as_inner) && !root) {
         result = Subtree(as_leaf, triangles, 0, 0);
     }
     subtrees.v[index - leaves] = pack_subtree(result);

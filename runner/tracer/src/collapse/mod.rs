@@ -34,11 +34,15 @@ pub struct CollapseParams {
     pub intersection_cost: f32,
     /// Most triangles a leaf; 1 keeps every leaf apart, 16 is what the layouts can express.
     pub max_leaf: u32,
+    /// Whether every subtree of up to `max_leaf` triangles becomes a leaf, whatever that costs (Lewis 2024, 3.1). No
+    /// parameter: it belongs to [`crate::midpoint`].
+    #[serde(skip)]
+    pub by_size: bool,
 }
 
 impl Default for CollapseParams {
     fn default() -> Self {
-        Self { traversal_cost: 2.0, intersection_cost: 2.0, max_leaf: 16 }
+        Self { traversal_cost: 2.0, intersection_cost: 2.0, max_leaf: 16, by_size: false }
     }
 }
 
@@ -92,7 +96,8 @@ impl Collapse {
     /// `max_leaf` is not in 1 to 16.
     pub fn new(gpu: &Gpu, params: &CollapseParams) -> Result<Self, Error> {
         assert!((1..=16).contains(&params.max_leaf), "a leaf has 1 to 16 triangles, not {}", params.max_leaf);
-        Ok(Self { kernel: Upwards::new(gpu, &shaders::COLLAPSE_COLLAPSE, &[])?, params: params.clone() })
+        let kernel = Upwards::new(gpu, &shaders::COLLAPSE_COLLAPSE, &[params.by_size.into()])?;
+        Ok(Self { kernel, params: params.clone() })
     }
 
     /// Allocates the subtrees of a tree of `leaves` leaves.
@@ -139,6 +144,7 @@ mod tests {
                     Push: nodes, levels, subtrees, bounds, traversal_cost, intersection_cost, max_leaf, level
                 ),
             )
-            .assert_items("Subtrees", size_of::<Subtree>(), None);
+            .assert_items("Subtrees", size_of::<Subtree>(), None)
+            .assert_specialization(1, "BY_SIZE");
     }
 }

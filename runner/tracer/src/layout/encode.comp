@@ -26,7 +26,7 @@ layout(push_constant, scalar) uniform Push {
     WideNodes wide;
     Progress progress;
     Words nodes_out;
-    Arrangement arranged;  // of the compressed layout
+    Arrangement arranged;  // of the compressed and the reduced layout
 };
 
 struct WideNode {
@@ -65,6 +65,10 @@ uint child_code(WideNode node, uint slot, inout uint next_node, inout uint next_
 #include "layout/quantized/encode.glsl"
 #elif defined(LAYOUT_WIDE)
 #include "layout/wide/encode.glsl"
+#elif defined(LAYOUT_DIRECT)
+#include "layout/direct/encode.glsl"
+#elif defined(LAYOUT_REDUCED)
+#include "layout/reduced/encode.glsl"
 #else
 #include "layout/binary/encode.glsl"
 #endif
@@ -94,6 +98,8 @@ void main() {
 #if defined(LAYOUT_COMPRESSED)
         Arranged own = arranged.v[i];
         encode(Words(uint64_t(nodes_out) + uint64_t(own.place) * STRIDE), node, box, own.slots);
+#elif defined(LAYOUT_DIRECT) || defined(LAYOUT_REDUCED)
+        encode(uint64_t(nodes_out), i, node, box);
 #else
         encode(Words(uint64_t(nodes_out) + uint64_t(i) * STRIDE), node, box);
 #endif

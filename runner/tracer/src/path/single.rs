@@ -74,7 +74,7 @@ impl SingleKernel {
         if params.language != Language::Glsl || params.technique.barrier {
             return Err(Error::NoSingleKernel);
         }
-        let layout = tree.layout.ok_or(Error::DriverTellsNot("set trace.kernels=separate"))?;
+        let layout = tree.structure.layout().ok_or(Error::SeparateKernels)?;
         let (constants, stack) = constants(gpu, params, tree, layout, Counting::Nothing, Wave::Secondary)?;
         let size = params.workgroup_size(gpu, Wave::Secondary);
         let kernel = Kernel::new(gpu, shaders::path_single(layout), size, &constants)?;

@@ -19,7 +19,7 @@
 //! box: every slab test misses it, whichever way the ray goes, while one with lo > hi would be hit by
 //! those that sort the two planes.
 
-use super::{Child, LayoutParams, Limits, NodeLayout, Target, in_turn};
+use super::{Child, LayoutParams, Limits, NodeByNode, Target, in_turn};
 use crate::bvh2::{Aabb, MAX_TRIANGLES};
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
@@ -95,7 +95,7 @@ pub fn code(target: Target) -> u32 {
 #[derive(Clone, Copy, Debug)]
 pub struct Binary;
 
-impl NodeLayout for Binary {
+impl NodeByNode for Binary {
     type Node = BinaryNode;
     const NAME: &'static str = "Binary";
     const EXACT: bool = true;
