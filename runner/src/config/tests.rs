@@ -654,7 +654,8 @@ fn every_config_of_the_project_says_what_it_should() {
     assert_eq!(full(point("subsampling.toml")), (8, 7, 4096));
     assert_eq!(
         load("overall.toml").variants,
-        Variant::select(&["all", "!*Compressed", "!Direct", "!Reduced", "!Driver"].map(String::from)).unwrap()
+        Variant::select(&["all", "!*Compressed", "!Direct", "!Reduced", "!Driver"].map(String::from))
+            .unwrap()
     );
     assert_eq!(load("quick.toml").variants.len(), 16);
     // So that these two can be tried without any file.

@@ -29,7 +29,7 @@ void main() {
     float t_min;
     Shear shear;
     Hit best;
-    uint triangles_tested = 0;
+    uint triangles_tested = end - begin;
     if (there) {
         Ray r = rays.items[ray];
         origin = r.origin;
@@ -40,18 +40,28 @@ void main() {
             Hit before = hits.items[ray];
             best = before.triangle == MISS ? best : before;
             if (COUNT == RAYS) {
-                triangles_tested = counts.items[ray].z;
+                triangles_tested += counts.items[ray].z;
             }
         }
     }
     float nearest = there ? best.t : 0.0;
     uint testing = lanes(there);
-    uint steps = 0;
-    for (uint index = begin; index < end && testing > 0; index++) {
-        steps++;
+    uint index = there ? begin : end;
+    while (index < end) {
+        // As far as there is nothing uncertain: what is rare is kept out of the loop, because some drivers execute both
+        // sides of a branch.
         bool uncertain = false;
-        if (there) {
-#include "traverse/meet_triangle.glsl"
+        for (; index < end && !uncertain; index++) {
+#include "traverse/try_triangle.glsl"
+            if (!uncertain && t > t_min && t < best.t) {
+                best = Hit(t, found);
+            }
+        }
+        if (uncertain) {
+            float t = exact_distance(rays, ray, triangles, index - 1);
+            if (t > t_min && t < best.t) {
+                best = Hit(t, floatBitsToUint(triangles.items[index - 1].v0_index.w));
+            }
         }
     }
     if (there) {
@@ -65,6 +75,8 @@ void main() {
     }
     if (COUNT == RAYS) {
         uvec2 fetches = begin == 0 ? step_of(testing) : uvec2(0);
+        // Lanes take the same steps but for few.
+        uint steps = testing > 0 ? end - begin : 0;
         add_up(utilization, uvec2(0), uvec2(steps, steps * testing), fetches);
     }
     if (subgroupElect()) {

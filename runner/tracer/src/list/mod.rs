@@ -28,9 +28,9 @@ pub enum Listing {
 /// Most triangles that rays are tested against: with more, a picture takes minutes on any device.
 pub const MOST: usize = 1 << 16;
 
-/// Triangles of a launch: few enough for drivers that end long loops silently, of which a triangle takes four turns at
-/// worst.
-const AT_ONCE: u32 = 8192;
+/// Triangles of a launch: few enough for drivers that end long loops silently, even if each lane of their subgroups, 8, met
+/// another one that has to be tested exactly, which takes six turns of loops.
+const AT_ONCE: u32 = 1024;
 
 const WORKGROUP: u32 = 128;
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::catalog;
-use super::compose::{Model, compose};
+use super::compose::{CameraPath, MOST_VIEWS, Model, compose};
 use super::descriptor::{Descriptor, MaterialKey, Source};
 use super::generate::MAX_REQUEST;
 use super::search::{SearchPath, listed};
@@ -18,6 +18,8 @@ use super::{Geometry, LoadReport, MAX_TRIANGLES, Material, Origin, Provenance, S
 ///
 /// - a descriptor: `sponza`, found as `sponza.toml` on the search path or among the built-in ones;
 /// - a generator's descriptor with other parameters: `city:triangles=1000000,seed=3`;
+/// - a descriptor seen from a circle: `teapot:orbit=40` has 40 views around the target of its first, at the height and the
+///   distance of that;
 /// - a path to a descriptor, `out/tea.toml`, or to a scene that RTRS has written, `out/tea.json`;
 /// - a path to a `.glb`, `.gltf` or `.obj` file. Views are read from `NAME.views.json` beside it if there
 ///   is one, and placed automatically if not. A file whose hash is that of a built-in descriptor gets its
@@ -125,17 +127,26 @@ fn named<'s>(
         ));
     }
     let (mut descriptor, found_at) = describe(name, search)?;
-    match &mut descriptor.source {
-        Source::Generator { triangles, seed, .. } => parse_parameters(spec, parameters, triangles, seed)?,
-        Source::File { .. } if parameters.is_some() => {
-            let reason = format!("'{name}' is a file and takes no parameters; generators do");
-            return Err(SceneError::spec(spec, reason));
-        }
-        Source::Models(_) if parameters.is_some() => {
-            let reason = format!("'{name}' is made of models and takes no parameters; generators do");
-            return Err(SceneError::spec(spec, reason));
-        }
-        Source::File { .. } | Source::Models(_) => {}
+    let generated = match &mut descriptor.source {
+        Source::Generator { triangles, seed, .. } => Some((triangles, seed)),
+        Source::File { .. } | Source::Models(_) => None,
+    };
+    if let Some(orbit) = parse_parameters(spec, parameters, generated)? {
+        let circle = match (&descriptor.camera, descriptor.views.first()) {
+            (Some(camera), _) => CameraPath { orbit: Some(orbit), ..camera.clone() },
+            (None, Some(view)) => CameraPath {
+                eye: view.eye,
+                target: view.target,
+                vfov_degrees: view.vfov_degrees,
+                orbit: Some(orbit),
+            },
+            (None, None) => {
+                let reason = format!("'{name}' has no view to go around from; describe one in its TOML");
+                return Err(SceneError::spec(spec, reason));
+            }
+        };
+        descriptor.views.clear();
+        descriptor.camera = Some(circle);
     }
     Ok((name, descriptor, found_at))
 }
@@ -257,19 +268,25 @@ pub fn inspect(path: &Path) -> Result<Inspected, SceneError> {
     Ok(Inspected { sha256, triangles: geometry.positions.len() as u64, rights })
 }
 
+/// Reads `key=value,…`: what a generator is given, and how many views of a circle are asked for.
 fn parse_parameters(
     spec: &str,
     parameters: Option<&str>,
-    triangles: &mut u64,
-    seed: &mut u64,
-) -> Result<(), SceneError> {
+    mut generated: Option<(&mut u64, &mut u64)>,
+) -> Result<Option<u32>, SceneError> {
+    let mut orbit = None;
     for pair in parameters.iter().flat_map(|list| list.split(',')) {
         let (key, value) = pair.split_once('=').ok_or_else(|| {
-            SceneError::spec(spec, format!("'{pair}' is not key=value (triangles=…, seed=…)"))
+            SceneError::spec(spec, format!("'{pair}' is not key=value (triangles=…, seed=…, orbit=…)"))
         })?;
-        match key.trim() {
-            "triangles" => {
-                *triangles =
+        match (key.trim(), &mut generated) {
+            ("orbit", _) => {
+                let count = value.trim().parse().ok().filter(|count| (1..=MOST_VIEWS).contains(count));
+                let wrong = || SceneError::spec(spec, format!("orbit must be 1 to {MOST_VIEWS} views"));
+                orbit = Some(count.ok_or_else(wrong)?);
+            }
+            ("triangles", Some((triangles, _))) => {
+                **triangles =
                     parse_count(value.trim()).filter(|n| (1..=MAX_REQUEST).contains(n)).ok_or_else(|| {
                         let reason = format!(
                             "triangles must be a number from 1 to {MAX_REQUEST}, such as 50000 or 1e6"
@@ -277,19 +294,20 @@ fn parse_parameters(
                         SceneError::spec(spec, reason)
                     })?;
             }
-            "seed" => {
+            ("seed", Some((_, seed))) => {
                 let wrong = |_| SceneError::spec(spec, "seed must be a whole number");
-                *seed = value.trim().parse().map_err(wrong)?;
+                **seed = value.trim().parse().map_err(wrong)?;
             }
-            other => {
-                return Err(SceneError::spec(
-                    spec,
-                    format!("there is no parameter '{other}'; there are triangles and seed"),
-                ));
+            (other, generated) => {
+                let there = match generated {
+                    Some(_) => "there are triangles, seed and orbit",
+                    None => "for a scene of files there is orbit; generators have more",
+                };
+                return Err(SceneError::spec(spec, format!("there is no parameter '{other}'; {there}")));
             }
         }
     }
-    Ok(())
+    Ok(orbit)
 }
 
 /// `50000`, `50_000`, `1e6` and `2.5e6` are counts.
@@ -539,6 +557,19 @@ mod tests {
     }
 
     #[test]
+    fn an_orbit_goes_around_what_the_first_view_looks_at() {
+        let scene = load("cornell:seed=9,triangles=100,orbit=4", &nowhere()).unwrap();
+        let first = &load("cornell", &nowhere()).unwrap().views[0];
+        let names: Vec<_> = scene.views.iter().map(|view| view.name.as_str()).collect();
+        assert_eq!(names, ["orbit_0", "orbit_1", "orbit_2", "orbit_3"]);
+        assert_eq!((scene.views[0].eye, scene.views[0].vfov_degrees), (first.eye, first.vfov_degrees));
+        assert!(scene.views.iter().all(|view| view.target == first.target && view.eye[1] == first.eye[1]));
+        let [[x, _, z], [tx, _, tz]] = [scene.views[2].eye, first.target];
+        let opposite = [2.0 * tx - first.eye[0], 2.0 * tz - first.eye[2]];
+        assert!((x - opposite[0]).abs() < 1e-5 && (z - opposite[1]).abs() < 1e-5, "{x}, {z}");
+    }
+
+    #[test]
     fn specs_are_checked_without_loading() {
         for fine in ["city:triangles=1e6,seed=3", "sponza", "no/such/thing.glb", "thing.OBJ"] {
             check(fine, &nowhere()).unwrap();
@@ -554,11 +585,13 @@ mod tests {
         for (spec, part) in [
             ("", "NAME"),
             ("cornell:5", "key=value"),
-            ("cornell:size=5", "triangles and seed"),
+            ("cornell:size=5", "triangles, seed and orbit"),
             ("cornell:triangles=0", "from 1 to"),
             ("cornell:triangles=1e12", "from 1 to"),
             ("cornell:seed=x", "whole number"),
-            ("sponza:seed=1", "no parameters"),
+            ("sponza:seed=1", "there is orbit"),
+            ("cornell:orbit=0", "1 to 360"),
+            ("cornell:orbit=361", "1 to 360"),
             ("spnza", "sponza"),
             ("a/b.fbx", ".fbx"),
             ("no/such.glb", "no/such.glb"),
