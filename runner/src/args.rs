@@ -260,7 +260,7 @@ pub struct Construct {
     pub models: Models,
     /// A material: its colour (linear, 0 to 1), the shares of diffuse, specular and mirrored light, and the exponent
     /// of highlights. May be repeated; the first has number 0. A grey one when left out. The path tracer uses the
-    /// colour alone
+    /// colour and the share of mirrored light
     #[arg(
         long,
         num_args = 7,
@@ -269,7 +269,8 @@ pub struct Construct {
         value_parser = finite
     )]
     pub material: Vec<f32>,
-    /// A point that shines, and its strength; may be repeated. The path tracer does not see it: there, the sky shines
+    /// A point that shines, and its strength; may be repeated. Only --integrator phong sees it: in the path tracer, the
+    /// sky shines
     #[arg(
         long,
         num_args = 4,
@@ -707,11 +708,53 @@ pub struct Paths {
     /// Seed of all random numbers
     #[arg(long, default_value_t = 0)]
     pub seed: u32,
+    /// How light is gathered, the same as `--set shade.integrator=NAME`
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub integrator: Option<Integrator>,
     #[command(flatten)]
     pub tuning: Tuning,
     /// What the GPU is locked to: samples below 95% of it are left out of the means. Without it, its base clock
     #[arg(long, value_name = "MHZ", value_parser = clap::value_parser!(u32).range(1..))]
     pub locked_clock: Option<u32>,
+}
+
+/// How light is gathered along a path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Integrator {
+    /// Path tracing: rays go on in random directions, and light is what emits and the sky
+    Path,
+    /// Lambert's and Blinn's and Phong's terms of point lights and of one at the camera, ambient light, and mirror
+    /// reflections; parameters shade.ambience and shade.camera_light
+    Phong,
+}
+
+impl Integrator {
+    fn assignment(self) -> String {
+        let name = self.to_possible_value().expect("none is hidden");
+        format!("shade.integrator={}", name.get_name())
+    }
+}
+
+impl Cli {
+    /// Reads the command line. What is an option of its own for a parameter becomes its assignment.
+    pub fn read() -> Self {
+        let mut cli = Self::parse();
+        cli.settle();
+        cli
+    }
+
+    fn settle(&mut self) {
+        let (integrator, tuning) = match &mut self.command {
+            Command::Run(Run { paths, .. }) | Command::Tune(Tune { paths, .. }) => {
+                (paths.integrator, &mut paths.tuning)
+            }
+            Command::Render(Render { seen, .. }) | Command::Rays(Rays { seen, .. }) => {
+                (seen.integrator, &mut seen.tuning)
+            }
+            _ => return,
+        };
+        tuning.set.extend(integrator.map(Integrator::assignment));
+    }
 }
 
 /// Parameters of the stages.
@@ -737,6 +780,9 @@ pub struct Seen {
     /// Seed of all random numbers
     #[arg(long, default_value_t = 0)]
     pub seed: u32,
+    /// How light is gathered, the same as `--set shade.integrator=NAME`
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub integrator: Option<Integrator>,
     #[command(flatten)]
     pub tuning: Tuning,
 }
@@ -888,6 +934,24 @@ mod tests {
         let Command::Run(run) = cli.command else { panic!("another command") };
         assert_eq!((run.paths.size, run.samples), (Some(Size { width: 4, height: 3 }), Some(5)));
         assert_eq!((run.variant.len(), run.paths.tuning.set.len()), (2, 2));
+    }
+
+    #[test]
+    fn an_integrator_is_a_parameter() {
+        for (command, phong) in [("run", true), ("tune", true), ("render", true), ("run", false)] {
+            let output = if command == "run" { "" } else { " -o x" };
+            let chosen = if phong { " --integrator phong" } else { "" };
+            let mut cli = Cli::parse_from(format!("runner {command} a --set b=1{chosen}{output}").split(' '));
+            cli.settle();
+            let tuning = match cli.command {
+                Command::Run(run) => run.paths.tuning,
+                Command::Tune(tune) => tune.paths.tuning,
+                Command::Render(render) => render.seen.tuning,
+                _ => panic!("another command"),
+            };
+            let set: Vec<_> = tuning.set.iter().map(String::as_str).collect();
+            assert_eq!(set, if phong { &["b=1", "shade.integrator=phong"][..] } else { &["b=1"] });
+        }
     }
 
     #[test]

@@ -314,7 +314,8 @@ pub fn render(global: &Global, render: &args::Render) -> anyhow::Result<()> {
     if counting && stage.variant.is_driver() {
         bail!("the driver does not tell what rays meet in its tree: take another --variant for --heatmap");
     }
-    let path = path::Params { depth: render.depth, seed: render.seen.seed };
+    let path =
+        path::Params { depth: render.depth, seed: render.seen.seed, shade: stage.params.shade.clone() };
     let device = &stage.loaded.device;
     let tracer = PathTracer::new(&session.gpu, device, (size.width, size.height), &path, counting)?;
     let tree = &stage.tree(&tracer)?;
@@ -362,7 +363,8 @@ pub fn rays(global: &Global, rays: &args::Rays) -> anyhow::Result<()> {
     let size = rays.size;
     let stage = Stage::new(global, &rays.seen, size)?;
     let session = &stage.session;
-    let path = path::Params { depth: rays.depth + 1, seed: rays.seen.seed };
+    let path =
+        path::Params { depth: rays.depth + 1, seed: rays.seen.seed, shade: stage.params.shade.clone() };
     let device = &stage.loaded.device;
     let tracer = PathTracer::new(&session.gpu, device, (size.width, size.height), &path, false)?;
     let tree = stage.tree(&tracer)?;

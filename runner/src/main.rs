@@ -28,11 +28,10 @@ mod validate;
 mod variant;
 
 use args::{BvhCommand, Cli, Command, ConfigCommand, SceneCommand};
-use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::read();
     let result = match &cli.command {
         Command::Devices { json } => commands::devices(*json),
         Command::Scenes { json } => commands::scenes(&cli.global, *json),

@@ -32,6 +32,8 @@ pub struct Params {
     pub collapse: CollapseParams,
     /// Which boxes share a node.
     pub contract: Contract,
+    /// What happens where a ray hits a surface.
+    pub shade: tracer::path::Shading,
     /// Sample rays for variants that go by view.
     pub cbtc: tracer::path::Sampling,
     /// How nodes are stored.
@@ -277,6 +279,9 @@ impl Params {
             ("sbvh.sweep", f64::from(self.sbvh.sweep), 0.0..=4096.0),
             ("sbvh.budget", f64::from(self.sbvh.budget), 0.0..=16.0),
             ("layout.bits", f64::from(self.layout.bits), 4.0..=8.0),
+            ("shade.specular", f64::from(self.shade.specular), 0.0..=1.0),
+            ("shade.ambience", f64::from(self.shade.ambience), 0.0..=1e6),
+            ("shade.camera_light", f64::from(self.shade.camera_light), 0.0..=1e6),
             ("groups.n_w", f64::from(self.groups.n_w), 0.0..=1e6),
             ("groups.n_d", f64::from(self.groups.n_d), 0.0..=32.0),
             ("groups.n_t", f64::from(self.groups.n_t), 0.0..=32.0),

@@ -64,7 +64,11 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     let plan = Plan {
         size: (size.width, size.height),
         method,
-        path: path::Params { depth: run.paths.depth.unwrap_or(depth(method)), seed: run.paths.seed },
+        path: path::Params {
+            depth: run.paths.depth.unwrap_or(depth(method)),
+            seed: run.paths.seed,
+            ..path::Params::default()
+        },
         builds: run.builds.unwrap_or(defaults.builds),
         warm_up: run.warm_up,
         busy_before_point: if defaults.cpu { Duration::ZERO } else { WARM_UP_TIME },

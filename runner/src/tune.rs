@@ -109,6 +109,7 @@ pub fn tune(global: &Global, arguments: &args::Tune) -> anyhow::Result<()> {
         path: path::Params {
             depth: arguments.paths.depth.unwrap_or(measure::depth(Method::Paths)),
             seed: arguments.paths.seed,
+            ..path::Params::default()
         },
         builds: 1,
         warm_up: 1,

@@ -150,7 +150,7 @@ fn check(
     )?;
 
     let size = (arguments.size.width, arguments.size.height);
-    let path = path::Params { depth: arguments.depth, seed: arguments.seed };
+    let path = path::Params { depth: arguments.depth, seed: arguments.seed, shade: params.shade.clone() };
     let tracer = PathTracer::new(gpu, &loaded.device, size, &path, false)?;
     let views = loaded.views(arguments.views.as_deref())?;
     let cameras: Vec<Camera> =

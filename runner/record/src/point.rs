@@ -37,7 +37,7 @@ pub struct Adopted {
     pub name: String,
     /// SHA-256 of its bytes, in hexadecimal.
     pub sha256: String,
-    /// The method that the tree was built with: `ploc` or `sbvh`.
+    /// The method that the tree was built with: `ploc`, `sbvh` or `midpoint`.
     pub method: String,
     /// What that method went by, as `stage.name`.
     pub parameters: Parameters,

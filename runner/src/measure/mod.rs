@@ -38,7 +38,7 @@ pub struct Plan {
     pub size: (u32, u32),
     /// What a sample is.
     pub method: Method,
-    /// What a path is.
+    /// What a path is; how surfaces are shaded, a point's parameters say.
     pub path: path::Params,
     /// Measured builds of each tree.
     pub builds: u32,
@@ -110,7 +110,8 @@ impl Measuring<'_> {
     /// # Errors
     /// The device failed, has too little memory, or a parameter is out of its range.
     pub fn measure(&self, views: &[usize], watch: &mut dyn Watch) -> anyhow::Result<Option<Point>> {
-        let plan = self.plan;
+        let path = path::Params { shade: self.params.shade.clone(), ..self.plan.path.clone() };
+        let plan = &Plan { path, ..self.plan.clone() };
         let scene = &self.loaded.scene;
         let (started, clock) = (Timestamp::now(), Instant::now());
         let throttled = self.telemetry.throttle_times();

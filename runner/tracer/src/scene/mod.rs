@@ -59,7 +59,7 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// At least one; eight for descriptors and for automatic placement.
     pub views: Vec<View>,
-    /// Points that shine, for local shading models. The path tracer does not see them: to it, what shines is what emits,
+    /// Points that shine, for the integrator `phong`. The path tracer does not see them: to it, what shines is what emits,
     /// and the sky.
     pub lights: Vec<Light>,
     /// What a ray that leaves the scene sees.
@@ -70,7 +70,7 @@ pub struct Scene {
     pub report: LoadReport,
 }
 
-/// A Lambertian surface, linear RGB.
+/// A surface, linear RGB: Lambertian, unless `phong` says that it mirrors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// The name in the file, or an empty string.
@@ -79,7 +79,8 @@ pub struct Material {
     pub albedo: [f32; 3],
     /// Emitted radiance; zero for most.
     pub emission: [f32; 3],
-    /// How a local shading model lights it; absent where nobody said. The path tracer does not look at it.
+    /// How the integrator `phong` lights it; absent where nobody said. To the path tracer its `reflective` is the share of
+    /// light that is mirrored, the rest being diffuse.
     pub phong: Option<Phong>,
 }
 
