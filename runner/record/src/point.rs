@@ -235,6 +235,10 @@ pub struct Adaptation {
 pub struct Sample {
     /// The traversal of each wavefront: primary rays first, then one entry per bounce.
     pub depths: Vec<Launch>,
+    /// Milliseconds of all its kernels from the first to the last, shading included: the time of a frame. Absent of the
+    /// method `replay`, which shades nothing, and in records from before it was kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame_milliseconds: Option<f64>,
     /// Clock of the streaming multiprocessors right after it, in MHz, where it was read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sm_clock_mhz: Option<u32>,

@@ -280,6 +280,9 @@ fn check_view(at: &str, view: &View, depth: usize, problems: &mut Problems) {
     }
     for (index, sample) in view.samples.iter().enumerate() {
         // A record may have millions of these, so places are put in words for problems only.
+        if let Some(milliseconds) = sample.frame_milliseconds.filter(|it| !(it.is_finite() && *it > 0.0)) {
+            problems.positive(&format!("{at}.samples[{index}].frame_milliseconds"), milliseconds);
+        }
         let at = format_args!("{at}.samples[{index}].depths");
         problems.wavefronts(&at, sample.depths.iter().map(|launch| launch.rays), depth);
         for (index, launch) in sample.depths.iter().enumerate() {

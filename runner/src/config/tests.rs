@@ -318,7 +318,7 @@ const MISTAKES: &[(&str, &str, &[&str])] = &[
     // Names.
     ("scenes = [\"sphereflak\"]", "1:11", &["no scene is called", "sphereflake?"]),
     ("scenes = [\"zzz\"]", "1:11", &["no scene is called", "cornell, sphereflake"]),
-    ("scenes = [\"city:size=3\"]", "1:11", &["triangles and seed"]),
+    ("scenes = [\"city:size=3\"]", "1:11", &["triangles, seed and orbit"]),
     ("scenes = [\"a/b\"]", "1:11", &["a/b"]),
     ("variants = [\"Wide5\"]", "2:13", &["no variant is called", "Wide"]),
     ("variants = [\"Binary\", \"Wide4 Quantised\"]", "2:23", &["Wide4 Quantized?"]),
@@ -681,7 +681,16 @@ fn every_config_of_the_project_says_what_it_should() {
             own[0]
         );
     }
-    assert_eq!(files.len(), 18, "{files:?}");
+    assert_eq!(files.len(), 19, "{files:?}");
+    // Five turns of 40 views: the frames of the paper.
+    let rtrs = load("rtrs.toml");
+    assert!(rtrs.scenes.iter().all(|scene| scene.ends_with("orbit=40")));
+    assert_eq!((rtrs.size, rtrs.depth()), (Some(Size { width: 384, height: 288 }), 5));
+    let largest = |variant: &str| {
+        let points = rtrs.points().unwrap().into_iter();
+        points.filter(|p| p.variant.name() == variant).map(|p| p.params.collapse.max_leaf).collect::<Vec<_>>()
+    };
+    assert_eq!((largest("Direct"), largest("Reduced")), (vec![2; 3], vec![8; 3]));
 }
 
 #[test]

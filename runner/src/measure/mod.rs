@@ -23,7 +23,7 @@ use crate::{
 use kernels::Kernels;
 use ramp::Ramp;
 use record::{Adaptation, Build, Counters, Exclusion, Measurement, Method, Point, Stop, Timestamp};
-use shots::Shots;
+use shots::{Shot, Shots};
 use std::time::{Duration, Instant};
 use stop::Verdict;
 use tracer::{
@@ -292,10 +292,11 @@ impl Measuring<'_> {
             if watch.interrupted() {
                 return Ok(false);
             }
-            let depths = shots.sample(view.samples.len() as u32)?;
+            let Shot { depths, frame_milliseconds } = shots.sample(view.samples.len() as u32)?;
             let moment = self.telemetry.moment();
             view.samples.push(record::Sample {
                 depths,
+                frame_milliseconds,
                 sm_clock_mhz: moment.sm_clock_mhz,
                 excluded: slowed(&moment, plan.clock.as_ref()),
             });

@@ -13,7 +13,7 @@ use std::{
 };
 use tracer::{
     gpu::Pass,
-    path::{Camera, PathTracer},
+    path::{Camera, PathTracer, WaveTime},
     scene::View,
     traverse::{Counting, Queue, Traversal, Tree, Wave},
 };
@@ -27,6 +27,14 @@ pub struct Shots<'a> {
     camera: &'a Camera,
     /// Of the method that replays them, the rays of each bounce.
     bounces: Option<Rc<Bounces>>,
+}
+
+/// What a sample took.
+pub struct Shot {
+    /// The traversal of each wavefront.
+    pub depths: Vec<Launch>,
+    /// All kernels, where there are others.
+    pub frame_milliseconds: Option<f64>,
 }
 
 /// What finds the hits of a scene, whatever is measured.
@@ -89,12 +97,16 @@ impl<'a> Shots<'a> {
     ///
     /// # Errors
     /// The device failed.
-    pub fn sample(&self, sample: u32) -> anyhow::Result<Vec<Launch>> {
+    pub fn sample(&self, sample: u32) -> anyhow::Result<Shot> {
         match &self.bounces {
             None => {
                 let measured = self.kernels.sample(self.tracer, self.tree, self.camera, sample)?;
                 let waves = measured.waves.iter();
-                Ok(waves.map(|wave| Launch { rays: wave.rays, milliseconds: wave.milliseconds }).collect())
+                let launch = |wave: &WaveTime| Launch { rays: wave.rays, milliseconds: wave.milliseconds };
+                Ok(Shot {
+                    depths: waves.map(launch).collect(),
+                    frame_milliseconds: Some(measured.milliseconds),
+                })
             }
             // Bounce after bounce in every sample, so that a slow change of the device meets all of them alike, and in one
             // submission, so that it stays busy: with one each, an H100 idled for longer than it traced and fell to
@@ -113,7 +125,8 @@ impl<'a> Shots<'a> {
                     let milliseconds = timings.milliseconds(&bounce.to_string());
                     Ok(Launch { rays: wave.count() as u64, milliseconds })
                 };
-                bounces.waves.iter().enumerate().map(launch).collect()
+                let depths = bounces.waves.iter().enumerate().map(launch).collect::<anyhow::Result<_>>()?;
+                Ok(Shot { depths, frame_milliseconds: None })
             }
         }
     }
