@@ -34,7 +34,8 @@ fn text(bytes: &[u8]) -> String {
 fn built() -> usize {
     let listed = works(folder().path(), "variants --json").stdout;
     let listed: serde_json::Value = serde_json::from_slice(&listed).unwrap();
-    listed.as_array().unwrap().iter().filter(|variant| variant["missing"].is_null()).count()
+    let with_tree = |variant: &&serde_json::Value| variant["name"] != "Blank" && variant["name"] != "Naive";
+    listed.as_array().unwrap().iter().filter(with_tree).filter(|variant| variant["missing"].is_null()).count()
 }
 
 /// Runs it, requires success and returns what it printed.
@@ -543,7 +544,8 @@ fn every_variant_is_measured_and_compared() {
             }
         }
         let children = point.of_trees(|t| t.average_children).unwrap();
-        assert_eq!(point.variant.starts_with("Binary"), children == 2.0, "{}: {children}", point.variant);
+        let binary = ["Binary", "Binary Slang", "Direct", "Reduced"].contains(&point.variant.as_str());
+        assert_eq!(binary, children == 2.0, "{}: {children}", point.variant);
         // What a variant has of its own is in its point.
         let compressed = point.variant == "Wide8 Compressed";
         let wide = point.variant.starts_with("Wide8") || point.variant.starts_with("Wide6");
@@ -596,6 +598,92 @@ fn a_tree_with_spatial_splits_is_measured_validated_and_kept() {
     fails(here.path(), "run cornell --variant *Compressed --set contract.p_max=4", 1, &["contract.p_max=3"]);
 }
 
+/// Those of RTRS, with trees and without, on an orbit and by its own build.
+#[test]
+fn memory_lean_nodes_are_measured_beside_no_tree() {
+    let here = folder();
+    let four = "--variant Blank --variant Naive --variant Direct --variant Reduced";
+    let line = format!(
+        "run cornell:triangles=300,orbit=3 {four} --samples 2 --size 24x14 --builds 1 --depth 3 \
+         --set build.method=midpoint --set collapse.max_leaf=8 --validate -o x.json"
+    );
+    works(here.path(), &line);
+    let record = valid(&here.path().join("x.json"));
+    let names: Vec<_> = record.results.iter().map(|point| point.variant.as_str()).collect();
+    assert_eq!(names, ["Blank", "Naive", "Direct", "Reduced"]);
+    let bytes: Vec<_> = record.results.iter().map(|point| point.tree.node_bytes.unwrap()).collect();
+    // Of the same tree: 2w + 1 nodes of 40 bytes, 3w + 2 items of 16.
+    let wide = (bytes[2] / 40 - 1) / 2;
+    assert_eq!((bytes[0], bytes[1], bytes[3]), (0, 0, 16 * (3 * wide + 2)));
+    for point in &record.results {
+        let phases: Vec<&str> = point.build.repetitions[0].phases.iter().map(|p| p.name.as_str()).collect();
+        let tree = ["Direct", "Reduced"].contains(&point.variant.as_str());
+        assert_eq!(phases.contains(&"midpoint"), tree, "{}: {phases:?}", point.variant);
+        assert_eq!(
+            point.views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(),
+            ["orbit_0", "orbit_1", "orbit_2"]
+        );
+        // From some places on the circle the room is seen from outside, and paths leave.
+        let depths = if point.variant == "Blank" { 1..=1 } else { 2..=3 };
+        for sample in point.views.iter().flat_map(|view| &view.samples) {
+            assert!(depths.contains(&sample.depths.len()), "{}: {:?}", point.variant, sample.depths);
+            let traced: f64 = sample.depths.iter().map(|launch| launch.milliseconds).sum();
+            assert!(sample.frame_milliseconds.unwrap() > traced, "{}: shading takes time", point.variant);
+        }
+    }
+    let tested = record.results[1].counters().unwrap().all();
+    assert_eq!(tested.triangles, tested.rays * record.results[1].scene.triangles);
+
+    let line = format!(
+        "run cornell:triangles=300 {four} --samples 2 --size 24x14 --views 0 --method replay -o y.json"
+    );
+    works(here.path(), &line);
+    let replayed = valid(&here.path().join("y.json"));
+    let rays = |at: usize| -> Vec<u64> {
+        replayed.results[at].views[0].samples[0].depths.iter().map(|launch| launch.rays).collect()
+    };
+    assert!(
+        rays(0).len() > 3 && (1..4).all(|at| rays(at) == rays(0)),
+        "the same rays for all: {:?}",
+        rays(0)
+    );
+
+    let line =
+        format!("validate cornell:triangles=300 {four} --size 24x14 --set build.method=midpoint --validate");
+    let found = text(&works(here.path(), &line).stdout);
+    assert!(
+        found.contains("none hits anything") && found.trim_end().ends_with("everything holds"),
+        "{found}"
+    );
+    fails(here.path(), "run city:triangles=70000 --variant Naive", 1, &["65536", "Direct"]);
+    fails(
+        here.path(),
+        "run cornell --variant Reduced --set collapse.max_leaf=9",
+        1,
+        &["collapse.max_leaf=8"],
+    );
+}
+
+#[test]
+fn local_shading_is_rendered_and_measured() {
+    let here = folder();
+    works(here.path(), "render cornell:triangles=300 --size 24x14 --samples 2 -o path.png");
+    works(
+        here.path(),
+        "render cornell:triangles=300 --size 24x14 --samples 2 --integrator phong -o phong.png",
+    );
+    let [path, phong] = ["path.png", "phong.png"].map(|name| fs::read(here.path().join(name)).unwrap());
+    assert_ne!(path, phong);
+    let line = "run cornell:triangles=300 --integrator phong --samples 1 --size 24x14 --views 0 --builds 1 -o x.json";
+    works(here.path(), line);
+    let record = valid(&here.path().join("x.json"));
+    assert_eq!(record.parameters.get("shade.integrator").unwrap().to_string(), "phong");
+    // Nothing there mirrors.
+    assert_eq!(record.results[0].views[0].samples[0].depths.len(), 1);
+    fails(here.path(), "run cornell --integrator phonk", 2, &["path, phong"]);
+    fails(here.path(), "run cornell --set shade.specular=2", 1, &["shade.specular is from 0 to 1"]);
+}
+
 #[test]
 fn a_user_validates_a_scene() {
     let here = folder();
@@ -624,6 +712,8 @@ fn variants_are_listed_with_their_nodes() {
         ("Wide6 Quantized CBTC", 64),
         ("Wide8 Quantized", 76),
         ("Wide8 Compressed", 80),
+        ("Direct", 40),
+        ("Reduced", 16),
     ] {
         let row = table.lines().find(|l| l.starts_with(&format!("{name}  "))).unwrap();
         assert!(row.contains(&format!(" {bytes} ")) && row.contains("GLSL"), "{row}");
@@ -631,12 +721,12 @@ fn variants_are_listed_with_their_nodes() {
     let json: serde_json::Value =
         serde_json::from_slice(&works(here.path(), "variants --json").stdout).unwrap();
     let all = json.as_array().unwrap();
-    assert_eq!(all.len(), 28);
+    assert_eq!(all.len(), 32);
     let slang = all.iter().filter(|variant| variant["language"] == "Slang");
     assert_eq!(slang.clone().count(), 13);
     // Where the build has no Slang compiler, all of them are unavailable, and nothing else that is ours.
     let glsl = |variant: &serde_json::Value| variant["language"] == "GLSL" && variant["missing"].is_null();
-    assert_eq!(all.iter().filter(|variant| glsl(variant)).count(), 14);
+    assert_eq!(all.iter().filter(|variant| glsl(variant)).count(), 18);
     let without_slang = slang.clone().all(|variant| variant["missing"].is_string());
     for variant in slang {
         let name = variant["name"].as_str().unwrap();

@@ -28,7 +28,7 @@ use std::time::{Duration, Instant};
 use stop::Verdict;
 use tracer::{
     path::{self, Camera, PathTracer},
-    traverse::Tree,
+    traverse::{Structure, Tree},
 };
 
 /// What is the same for all points of a run.
@@ -199,10 +199,8 @@ impl Measuring<'_> {
                     break 'rounds Stop::Interrupted;
                 }
                 if first && plan.counting && kernels.count() {
-                    let counts = tracer.count(&kernels.counting, &tree, &camera, 0)?;
-                    let subgroup_size = self.session.gpu.info().subgroup_size;
-                    let depths = counts.iter().map(|c| describe::count(c, subgroup_size));
-                    own.counters = Some(Counters { depths: depths.collect() });
+                    own.counters =
+                        Some(Counters { depths: self.counts(&tracer, kernels, &tree, &camera, own)? });
                     watch.sample();
                 }
                 point.kernels = kernels.recorded();
@@ -229,6 +227,30 @@ impl Measuring<'_> {
         measurement.verdict =
             Some(plan.held.judge(&throttled, &self.telemetry.throttle_times(), milliseconds));
         Ok(Some(point))
+    }
+
+    /// What the rays of the first sample met.
+    fn counts(
+        &self,
+        tracer: &PathTracer<'_>,
+        kernels: &Kernels,
+        tree: &Tree,
+        camera: &Camera,
+        seen: &record::View,
+    ) -> anyhow::Result<Vec<record::Count>> {
+        if let Structure::List(_) = tree.structure {
+            // That is known beforehand, and tracing them once more would take as long as the sample.
+            let launches = seen.samples.first().map_or(&[][..], |sample| &sample.depths);
+            let met = |rays: u64| record::Count {
+                rays,
+                triangles: rays * u64::from(tree.listed),
+                ..record::Count::default()
+            };
+            return Ok(launches.iter().map(|launch| met(launch.rays)).collect());
+        }
+        let counts = tracer.count(&kernels.counting, tree, camera, 0)?;
+        let subgroup_size = self.session.gpu.info().subgroup_size;
+        Ok(counts.iter().map(|count| describe::count(count, subgroup_size)).collect())
     }
 
     /// Makes the tree of a view as often as trees are built, after warming up as long as that.
