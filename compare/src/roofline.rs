@@ -47,6 +47,9 @@ pub struct Reached {
     pub per_ray: PerRay,
     /// Bytes of nodes and triangles that a ray asks for.
     pub bytes: f64,
+    /// Share of the lanes of a subgroup that take part in a step at a node, and in one at a triangle; nothing in records
+    /// from before that was counted.
+    pub lanes: [Option<f64>; 2],
     /// Of each limit, the share that is reached; nothing where it was not measured or does not concern the variant.
     pub shares: [Option<f64>; Limit::ALL.len()],
 }
@@ -62,6 +65,8 @@ pub fn reached(point: &Point, rays: Rays, roofline: &Roofline) -> Option<Reached
     };
     let (mrps, per_ray) = (point.rate(rays)?, met.per_ray()?);
     let bytes: f64 = point.bytes_per_ray(&met)?.iter().sum();
+    let lanes = [record::Utilization::of_nodes, record::Utilization::of_triangles]
+        .map(|of| met.utilization.as_ref().and_then(of));
     let a_second = mrps * 1e6;
     let node_bytes = point.of_trees(record::Tree::bytes_per_node)?;
     let table_bytes = point.of_trees(|tree| tree.node_bytes.map(|bytes| bytes as f64))?;
@@ -80,7 +85,7 @@ pub fn reached(point: &Point, rays: Rays, roofline: &Roofline) -> Option<Reached
             Some(a_second * per_ray.boxes * BYTES_A_BOX / rate)
         }
     };
-    Some(Reached { mrps, per_ray, bytes, shares: Limit::ALL.map(of) })
+    Some(Reached { mrps, per_ray, bytes, lanes, shares: Limit::ALL.map(of) })
 }
 
 /// Reads the file that goes with some records.
@@ -100,7 +105,7 @@ pub fn load<'r>(path: &Path, records: impl IntoIterator<Item = &'r Record>) -> a
 }
 
 /// What numbers of rooflines mean, for captions.
-pub const EXPLAINED: &str = "Shares are what the kernel did in a second of what the device can do at best. Memory copy: were \
+pub const EXPLAINED: &str = "Lanes: how many of a subgroup take part in a step. Shares are what the kernel did in a second of what the device can do at best. Memory copy: were \
      every byte that a ray asks for to come from memory; caches serve some, so more than 100 % is possible. Node reads: \
      random reads of whole nodes of that size from a table as large as the nodes. Box tests: three slab axes a box. Bytes \
      to floats: six a box of quantized nodes.";
@@ -137,6 +142,20 @@ mod tests {
                 (found, expected) => assert_eq!(*found, expected),
             }
         }
+        for view in &mut point.views {
+            for met in &mut view.counters.as_mut().unwrap().depths {
+                met.utilization = Some(record::Utilization {
+                    subgroup_size: 8,
+                    node_steps: 10,
+                    node_lanes: 60,
+                    triangle_steps: 0,
+                    triangle_lanes: 0,
+                    fetches: 1,
+                    fetch_lanes: 8,
+                });
+            }
+        }
+        assert_eq!(reached(&point, Rays::Primary, &roofline).unwrap().lanes, [Some(0.75), None]);
         point.variant = "Wide4 Quantized".into();
         let quantized = reached(&point, Rays::Primary, &roofline).unwrap();
         assert!((quantized.shares[4].unwrap() / (rays * 480.0 / 1e12) - 1.0).abs() < 1e-9);

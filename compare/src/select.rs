@@ -67,6 +67,14 @@ impl Entry<'_> {
     pub fn variant(&self) -> &str {
         &self.point.variant
     }
+
+    /// The variant, and in parentheses what sets the point apart but belongs not to its scene.
+    pub fn named(&self) -> String {
+        let own = self.pass.0.iter().filter(|(name, _)| !name.starts_with(OF_SCENE));
+        let own: Vec<String> = own.map(|(name, value)| format!("{name}={value}")).collect();
+        let own = if own.is_empty() { String::new() } else { format!(" ({})", own.join(", ")) };
+        format!("{}{own}", self.variant())
+    }
 }
 
 /// The points that were chosen of a record, in the record's order.

@@ -187,6 +187,9 @@ pub enum Command {
     /// Render a picture, or the cost of each pixel
     #[command(after_help = RENDER_EXAMPLES)]
     Render(Render),
+    /// Look around in a scene: a window with the path tracer, and a live chart of its rates
+    #[command(after_help = crate::view::help())]
+    View(crate::view::Arguments),
     /// Write the rays of one wavefront to a file, and what they hit
     #[command(after_help = RAYS_EXAMPLES)]
     Rays(Rays),
@@ -486,6 +489,8 @@ pub struct Precompute {
 pub enum Build {
     /// Clustering along a Morton curve, on the device; parameters morton.* and ploc.*
     Ploc,
+    /// The same up the hierarchy of the codes, in a single launch; parameters morton.* and hploc.*
+    Hploc,
     /// Spatial splits, on the CPU: better, and slower to build; parameters sbvh.*
     Sbvh,
     /// Boxes halved in the middle, on the CPU, as RTRS does; no parameters
@@ -496,6 +501,7 @@ impl From<Build> for tracer::builder::Method {
     fn from(build: Build) -> Self {
         match build {
             Build::Ploc => Self::Ploc,
+            Build::Hploc => Self::Hploc,
             Build::Sbvh => Self::Sbvh,
             Build::Midpoint => Self::Midpoint,
         }
@@ -821,6 +827,17 @@ pub enum Heatmap {
     Boxes,
     /// Triangles tested
     Triangles,
+}
+
+impl Heatmap {
+    /// What it shows of the costs of a ray.
+    pub fn of(self, counts: &tracer::traverse::Counts) -> u32 {
+        match self {
+            Self::Nodes => counts.nodes,
+            Self::Boxes => counts.boxes,
+            Self::Triangles => counts.triangles,
+        }
+    }
 }
 
 /// What `rays` writes.

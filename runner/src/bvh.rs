@@ -48,7 +48,7 @@ pub fn precompute(global: &Global, arguments: &Precompute) -> anyhow::Result<()>
         ))
     };
     match params.build.method {
-        Method::Ploc => {
+        Method::Ploc | Method::Hploc => {
             let (tree, seconds) = clustered(&session, &loaded, &params)?;
             store(&tree, seconds)?;
         }
@@ -71,5 +71,6 @@ fn clustered(session: &Session, loaded: &Loaded, params: &Params) -> anyhow::Res
     // The first dispatches may contain their compilation.
     build()?;
     let took = build()?.milliseconds;
-    Ok((workspace.read_tree()?, 1e-3 * (took.morton + took.sort + took.ploc)))
+    let seconds = 1e-3 * (took.morton + took.sort + took.ploc + took.hploc);
+    Ok((workspace.read_tree()?.in_levels(), seconds))
 }

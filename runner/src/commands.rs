@@ -1,7 +1,7 @@
 //! The commands other than `run`.
 
 use crate::{
-    args::{self, Global, Heatmap, Seen},
+    args::{self, Global, Seen},
     config,
     params::Params,
     picture::Picture,
@@ -20,7 +20,7 @@ use tracer::{
     layout::Layout,
     path::{self, Camera, PathTracer},
     scene::{SearchPath, Source, built_in},
-    traverse::{Counting, Counts, Hit, Ray, Tree, Wave, cpu},
+    traverse::{Counting, Hit, Ray, Tree, Wave, cpu},
 };
 
 /// Prints to stdout; a reader that has gone away is no error.
@@ -323,18 +323,8 @@ pub fn render(global: &Global, render: &args::Render) -> anyhow::Result<()> {
     let traversal = session.traversal(tree, stage.variant, &stage.params, counted)?;
 
     let picture = if let Some(heatmap) = render.heatmap {
-        let of = |c: &Counts| match heatmap {
-            Heatmap::Nodes => c.nodes,
-            Heatmap::Boxes => c.boxes,
-            Heatmap::Triangles => c.triangles,
-        };
-        let mut costs = vec![0; size.width as usize * size.height as usize];
-        tracer.wavefronts(&traversal, tree, &stage.camera, 0, |wave| {
-            for (&pixel, counts) in wave.pixels.iter().zip(&wave.counts) {
-                costs[pixel as usize] = of(counts);
-            }
-            false
-        })?;
+        let counts = tracer.primary_costs(&traversal, tree, &stage.camera, 0)?;
+        let costs: Vec<u32> = counts.iter().map(|counts| heatmap.of(counts)).collect();
         let (picture, scale) = Picture::heat_map(&costs, size.width as usize);
         print(&format!(
             "{heatmap:?} a primary ray: least {}, median {}, mean {:.2}, greatest {}; the colours end at {}",

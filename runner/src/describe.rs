@@ -24,24 +24,27 @@ pub fn repetition(report: &BuildReport) -> Repetition {
         ("morton", took.morton),
         ("sort", took.sort),
         ("ploc", took.ploc),
+        ("hploc", took.hploc),
         ("collapse", took.collapse),
         ("contract", took.contract),
         ("layout", took.layout),
     ]);
-    Repetition { milliseconds: took.total, phases }
+    Repetition { milliseconds: took.total, phases, launches: Some(report.timings.launches) }
 }
 
 /// One build by the driver.
 pub fn by_driver(took: &driver::Milliseconds) -> Repetition {
     Repetition {
         milliseconds: took.total,
+        launches: None,
         phases: phases(&[("bottom", took.bottom), ("compact", took.compact), ("top", took.top)]),
     }
 }
 
 /// One build of no tree.
 pub fn listing(milliseconds: f64) -> Repetition {
-    Repetition { milliseconds, phases: phases(&[("layout", milliseconds)]) }
+    // One kernel stores the triangles.
+    Repetition { milliseconds, phases: phases(&[("layout", milliseconds)]), launches: Some(1) }
 }
 
 /// Those that took part.
@@ -106,6 +109,9 @@ pub fn adopted(name: String, sha256: String, made: &Made, read_milliseconds: f64
     let added = match &made.recipe {
         Recipe::Ploc { morton, ploc } => {
             parameters.add("morton", morton).and_then(|()| parameters.add("ploc", ploc))
+        }
+        Recipe::Hploc { morton, hploc } => {
+            parameters.add("morton", morton).and_then(|()| parameters.add("hploc", hploc))
         }
         Recipe::Sbvh { sbvh } => parameters.add("sbvh", sbvh),
         Recipe::Midpoint => Ok(()),

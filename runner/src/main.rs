@@ -26,6 +26,7 @@ mod tune;
 mod tuned;
 mod validate;
 mod variant;
+mod view;
 
 use args::{BvhCommand, Cli, Command, ConfigCommand, SceneCommand};
 use std::process::ExitCode;
@@ -43,6 +44,7 @@ fn main() -> ExitCode {
         Command::Best(arguments) => best::best(&cli.global, arguments),
         Command::Tune(arguments) => tune::tune(&cli.global, arguments),
         Command::Render(render) => commands::render(&cli.global, render),
+        Command::View(arguments) => view::view(&cli.global, arguments),
         Command::Rays(rays) => commands::rays(&cli.global, rays),
         Command::Trace(trace) => commands::trace(&cli.global, trace),
         Command::Variants { json, tuning } => commands::variants(&cli.global, tuning, *json),

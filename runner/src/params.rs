@@ -26,8 +26,12 @@ pub struct Params {
     pub sbvh: tracer::sbvh::SbvhParams,
     /// Morton codes.
     pub morton: tracer::morton::MortonParams,
+    /// Sorting of the codes.
+    pub sort: tracer::sort::SortParams,
     /// Clustering.
     pub ploc: tracer::ploc::PlocParams,
+    /// Clustering in a single launch.
+    pub hploc: tracer::hploc::HplocParams,
     /// Merging of leaves.
     pub collapse: CollapseParams,
     /// Which boxes share a node.
@@ -58,7 +62,7 @@ pub struct Params {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Build {
-    /// `ploc` on the device, or `sbvh` on the CPU.
+    /// `ploc` or `hploc` on the device, `sbvh` or `midpoint` on the CPU.
     pub method: Method,
 }
 
@@ -146,7 +150,9 @@ impl Params {
         BuildParams {
             method: self.build.method,
             morton: self.morton.clone(),
+            sort: self.sort.clone(),
             ploc: self.ploc.clone(),
+            hploc: self.hploc.clone(),
             collapse: self.collapse(),
             contract: ContractParams { method, alpha, form, numbering, c_node, c_prim, p_max },
             layout: LayoutParams { assignment: self.order.assignment, ..self.layout.clone() },
@@ -179,6 +185,7 @@ impl Params {
     pub fn recipe(&self) -> Recipe {
         match self.build.method {
             Method::Ploc => Recipe::Ploc { morton: self.morton.clone(), ploc: self.ploc.clone() },
+            Method::Hploc => Recipe::Hploc { morton: self.morton.clone(), hploc: self.hploc.clone() },
             Method::Sbvh => Recipe::Sbvh { sbvh: self.sbvh.clone() },
             Method::Midpoint => Recipe::Midpoint,
         }
@@ -189,6 +196,7 @@ impl Params {
         self.build.method = recipe.method();
         match recipe.clone() {
             Recipe::Ploc { morton, ploc } => (self.morton, self.ploc) = (morton, ploc),
+            Recipe::Hploc { morton, hploc } => (self.morton, self.hploc) = (morton, hploc),
             Recipe::Sbvh { sbvh } => self.sbvh = sbvh,
             Recipe::Midpoint => {}
         }
@@ -197,7 +205,7 @@ impl Params {
     /// Whether an assignment is about how the binary tree is made, so that one from a file has no use for it.
     pub fn is_of_binary_tree(assignment: &str) -> bool {
         let stage = assignment.split(['.', '=']).next().unwrap_or_default().trim();
-        ["build", "morton", "ploc", "sbvh"].contains(&stage)
+        ["build", "morton", "ploc", "hploc", "sbvh"].contains(&stage)
     }
 
     /// Applies assignments such as `collapse.c_t=3`, all or none.
@@ -254,7 +262,10 @@ impl Params {
     fn check(&self) -> anyhow::Result<()> {
         let ranges = [
             ("morton.bits", f64::from(self.morton.bits), 1.0..=21.0),
+            ("sort.keys", f64::from(self.sort.keys), 1.0..=16.0),
             ("ploc.radius", f64::from(self.ploc.radius), 1.0..=64.0),
+            ("hploc.radius", f64::from(self.hploc.radius), 1.0..=64.0),
+            ("hploc.window", f64::from(self.hploc.window), 4.0..=64.0),
             ("collapse.c_t", f64::from(self.collapse.traversal_cost), 0.0..=1e9),
             ("collapse.c_i", f64::from(self.collapse.intersection_cost), 0.0..=1e9),
             ("collapse.max_leaf", f64::from(self.collapse.max_leaf), 1.0..=16.0),
@@ -293,6 +304,9 @@ impl Params {
             if !range.contains(&value) {
                 bail!("{name} is from {} to {}, not {value}", range.start(), range.end());
             }
+        }
+        if !self.hploc.window.is_multiple_of(2) {
+            bail!("hploc.window is even, not {}", self.hploc.window);
         }
         let methods = [("by-area", self.contract.by_area, false), ("by-view", self.contract.by_view, true)];
         for (name, method, by_view) in methods {

@@ -1,6 +1,7 @@
 //! Sums of radiance and costs become PNG files.
 
 use anyhow::Context;
+use rayon::prelude::*;
 use std::{fs::File, io::BufWriter, path::Path};
 
 /// Eight-bit sRGB, row by row from the top.
@@ -14,13 +15,33 @@ impl Picture {
     /// Tone-maps sums of `samples` samples: exposure in stops, a filmic shoulder, the sRGB curve.
     pub fn tone_mapped(sums: &[[f32; 4]], width: usize, samples: u32, exposure: f32) -> Self {
         let scale = exposure.exp2() / samples as f32;
-        let pixels = sums.iter().map(|p| [p[0], p[1], p[2]].map(|x| to_srgb(shoulder(x * scale)))).collect();
+        let pixels =
+            sums.par_iter().map(|p| [p[0], p[1], p[2]].map(|x| to_srgb(shoulder(x * scale)))).collect();
         Self { width, height: sums.len() / width, pixels }
     }
 
-    /// A cost a pixel in false colours, with a scale below: its upper end is the cost that one pixel in a
-    /// hundred exceeds, so that a few outliers do not darken the rest.
+    /// A cost a pixel in false colours, with a scale below.
     pub fn heat_map(costs: &[u32], width: usize) -> (Self, Scale) {
+        let (mut picture, scale) = Self::false_colours(costs, width);
+        let (height, pixels) = (picture.height, &mut picture.pixels);
+        let (strip, digits) = ((height / 24).clamp(8, 24), (height / 60).clamp(1, 4));
+        // The scale: a black line, the colours from 0 to the upper end, and the numbers at both ends.
+        pixels.extend(std::iter::repeat_n([0; 3], width));
+        for _ in 0..strip.max(7 * digits + 2) {
+            pixels.extend((0..width).map(|x| heat(x as f32 / (width - 1).max(1) as f32)));
+        }
+        picture.height = picture.pixels.len() / width;
+        let top = height + 1;
+        picture.write_number(0, 2, top, digits, [255; 3]);
+        let text = scale.upper.to_string();
+        let left = width.saturating_sub(text.len() * 4 * digits + 2);
+        picture.write_number(scale.upper, left, top, digits, [0; 3]);
+        (picture, scale)
+    }
+
+    /// A cost a pixel in false colours. Their upper end is the cost that one pixel in a hundred exceeds, so that a few
+    /// outliers do not darken the rest.
+    pub fn false_colours(costs: &[u32], width: usize) -> (Self, Scale) {
         let mut sorted = costs.to_vec();
         sorted.sort_unstable();
         let at = |share: f64| sorted.get((share * (sorted.len() - 1) as f64) as usize).copied().unwrap_or(0);
@@ -31,22 +52,8 @@ impl Picture {
             greatest: at(1.0),
             mean: costs.iter().map(|&c| f64::from(c)).sum::<f64>() / costs.len() as f64,
         };
-        let mut pixels: Vec<[u8; 3]> = costs.iter().map(|&c| heat(c as f32 / scale.upper as f32)).collect();
-        let height = costs.len() / width;
-        let (strip, digits) = ((height / 24).clamp(8, 24), (height / 60).clamp(1, 4));
-        // The scale: a black line, the colours from 0 to the upper end, and the numbers at both ends.
-        pixels.extend(std::iter::repeat_n([0; 3], width));
-        let begin = pixels.len();
-        for _ in 0..strip.max(7 * digits + 2) {
-            pixels.extend((0..width).map(|x| heat(x as f32 / (width - 1).max(1) as f32)));
-        }
-        let mut picture = Self { width, height: pixels.len() / width, pixels };
-        let top = begin / width + 1;
-        picture.write_number(0, 2, top, digits, [255; 3]);
-        let text = scale.upper.to_string();
-        let left = width.saturating_sub(text.len() * 4 * digits + 2);
-        picture.write_number(scale.upper, left, top, digits, [0; 3]);
-        (picture, scale)
+        let pixels = costs.par_iter().map(|&c| heat(c as f32 / scale.upper as f32)).collect();
+        (Self { width, height: costs.len() / width, pixels }, scale)
     }
 
     /// Draws a number with three by five dots a digit, each `size` pixels wide.
@@ -131,7 +138,7 @@ fn to_srgb(x: f32) -> u8 {
 
 /// Black, violet, red, orange, yellow, white: brightness grows evenly, also for the colour-blind and in
 /// grey.
-fn heat(x: f32) -> [u8; 3] {
+pub fn heat(x: f32) -> [u8; 3] {
     const STOPS: [[f32; 3]; 6] = [
         [0.0, 0.0, 4.0],
         [66.0, 10.0, 104.0],

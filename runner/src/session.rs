@@ -42,6 +42,7 @@ use tracer::{
     treefile::{self, Recipe},
     with_layout,
 };
+use winit::raw_window_handle::HasDisplayHandle;
 
 /// An open device and where scenes are found.
 pub struct Session {
@@ -151,7 +152,7 @@ impl Loaded {
                 let tree = midpoint::build(&self.scene.positions);
                 (tree, started.elapsed().as_secs_f64())
             }
-            Recipe::Ploc { .. } => panic!("the device clusters"),
+            Recipe::Ploc { .. } | Recipe::Hploc { .. } => panic!("the device clusters"),
         };
         let built = Rc::new(BuiltOnCpu { recipe: recipe.clone(), tree, milliseconds: 1e3 * seconds });
         *self.built.borrow_mut() = Some(built.clone());
@@ -244,7 +245,7 @@ impl Loaded {
             return Ok(workspace);
         }
         match params.build.method {
-            Method::Ploc => Ok(builder.workspace(self.device.triangles)?),
+            Method::Ploc | Method::Hploc => Ok(builder.workspace(self.device.triangles)?),
             method @ (Method::Sbvh | Method::Midpoint) => {
                 let built = self.built_on_cpu(&params.recipe(), session.quiet);
                 let workspace = builder.workspace(built.tree.leaves)?;
@@ -532,8 +533,26 @@ impl Session {
     /// No such device, or it cannot run our kernels.
     pub fn open(global: &Global) -> anyhow::Result<Self> {
         let gpu = Gpu::open(&Options { device: selector(global), validate: global.validate })?;
+        Ok(Self::with(gpu, global))
+    }
+
+    /// The same, of a device that can show pictures in windows of a display.
+    ///
+    /// # Errors
+    /// As of [`Session::open`], or the device cannot.
+    pub fn open_for_display(global: &Global, display: impl HasDisplayHandle) -> anyhow::Result<Self> {
+        let options = Options { device: selector(global), validate: global.validate };
+        Ok(Self::with(Gpu::open_for_display(&options, display)?, global))
+    }
+
+    fn with(gpu: Gpu, global: &Global) -> Self {
         remark(global.quiet, format_args!("device {}", gpu.info()));
-        Ok(Self { gpu, quiet: global.quiet, search: SearchPath::new(global.scene_dir.iter().cloned()) })
+        Self { gpu, quiet: global.quiet, search: SearchPath::new(global.scene_dir.iter().cloned()) }
+    }
+
+    /// Where scenes are found.
+    pub fn search(&self) -> &SearchPath {
+        &self.search
     }
 
     /// Those of `variants` that the device has, and the others that `patterns` ask for by name, with why it has not.

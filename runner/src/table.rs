@@ -74,7 +74,7 @@ pub fn summary(record: &Record) -> String {
         }
     }
     if !names.is_empty() {
-        let mut header = vec!["scene", "variant"];
+        let mut header = vec!["scene", "variant", "launches", "Mtri/s", "SAH"];
         header.extend(&names);
         let mut build = table(&header);
         for point in &record.results {
@@ -335,7 +335,15 @@ fn short(x: f64) -> String {
 }
 
 fn phases(point: &Point, names: &[&str]) -> Vec<String> {
-    let mut row = vec![point.scene.name.clone(), point.variant.clone()];
+    let launches = point.build.launches().map_or("–".into(), |launches| launches.to_string());
+    let sah = point.of_trees(|tree| tree.sah_cost);
+    let mut row = vec![
+        point.scene.name.clone(),
+        point.variant.clone(),
+        launches,
+        number(point.build_mtris()),
+        number(sah),
+    ];
     let means = point.build.mean_phases();
     row.extend(names.iter().map(|name| number(means.iter().find(|(n, _)| n == name).map(|(_, ms)| *ms))));
     row

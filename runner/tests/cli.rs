@@ -19,6 +19,8 @@ fn runner(folder: &Path, line: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_runner"));
     command.args(line.split_whitespace()).current_dir(folder);
     command.env_remove("BROADLEAF_SCENES").stdin(Stdio::null());
+    // No window is opened by accident.
+    command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
     command
 }
 
@@ -791,9 +793,11 @@ fn a_precomputed_tree_takes_the_place_of_building_one() {
     let here = folder();
     let path = |name: &str| here.path().join(name);
     let scene = "sphereflake:triangles=2000";
-    for (build, method, phase) in
-        [("", "ploc", "ploc"), ("--build sbvh --set sbvh.alpha=1e-4", "sbvh", "sbvh")]
-    {
+    for (build, method, phase) in [
+        ("", "ploc", "ploc"),
+        ("--build hploc", "hploc", "hploc"),
+        ("--build sbvh --set sbvh.alpha=1e-4", "sbvh", "sbvh"),
+    ] {
         let mut precompute = runner(here.path(), &format!("bvh precompute {scene} {build} -o new/s.bvh"));
         let output = precompute.env("XDG_CACHE_HOME", path("cache")).output().unwrap();
         assert!(output.status.success(), "{}", text(&output.stderr));
@@ -819,7 +823,10 @@ fn a_precomputed_tree_takes_the_place_of_building_one() {
             for build in &point.build.repetitions {
                 let phases: Vec<&str> = build.phases.iter().map(|phase| &*phase.name).collect();
                 assert!(phases.contains(&"adopt") && phases.contains(&"layout"), "{phases:?}");
-                assert!(!phases.iter().any(|phase| ["ploc", "sort", "sbvh"].contains(phase)), "{phases:?}");
+                assert!(
+                    !phases.iter().any(|phase| ["ploc", "hploc", "sort", "sbvh"].contains(phase)),
+                    "{phases:?}"
+                );
                 assert!(
                     build.milliseconds >= build.phases.iter().map(|phase| phase.milliseconds).sum::<f64>()
                 );
@@ -829,6 +836,7 @@ fn a_precomputed_tree_takes_the_place_of_building_one() {
         // The tree is the one that is built otherwise, and its rays hit the same.
         let set = match method {
             "sbvh" => "--set build.method=sbvh --set sbvh.alpha=1e-4",
+            "hploc" => "--set build.method=hploc",
             _ => "",
         };
         let mut built = runner(here.path(), &format!("{line} {set} --variant Wide4 -o q.json"));
@@ -979,4 +987,23 @@ fn a_scene_of_rtrs_is_run() {
     assert_eq!((record.results[0].scene.triangles, record.results[0].views.len()), (1, 1));
     fs::write(here.path().join("no.json"), "{}").unwrap();
     fails(here.path(), "run no.json", 1, &["no.json", "no scene of RTRS", "camera"]);
+}
+
+/// With one, `scripts/test-view` looks through it.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_window_needs_a_display() {
+    let folder = folder();
+    let way_out = ["DISPLAY is not set", "xvfb-run", "runner render cornell", "runner run cornell"];
+    fails(folder.path(), "view cornell", 1, &way_out);
+    fails(folder.path(), "view cornell --benchmark 2 -o r.json", 1, &way_out);
+    assert!(!folder.path().join("r.json").exists());
+    // Mistakes are told in any case.
+    fails(folder.path(), "view cornell --variant Wide5", 1, &["Wide5"]);
+    fails(folder.path(), "view cornell --benchmark soon", 2, &["soon", "200f"]);
+    fails(folder.path(), "view cornell -o r.json", 2, &["--benchmark"]);
+    let help = text(&works(folder.path(), "view --help").stdout);
+    for key in ["Page Up", "heat map", "save the picture", "Esc"] {
+        assert!(help.contains(key), "{help}");
+    }
 }

@@ -111,7 +111,7 @@ fn point(table: u32, row: &Row, columns: &Columns, index: usize) -> Point {
 
 fn took(milliseconds: f64) -> Build {
     let phases = vec![Phase { name: "all".into(), milliseconds }];
-    Build { repetitions: vec![Repetition { milliseconds, phases }] }
+    Build { repetitions: vec![Repetition { milliseconds, phases, launches: None }] }
 }
 
 fn scene(table: u32, row: &Row) -> Scene {

@@ -84,7 +84,8 @@ pub fn charts(selection: &Selection) -> Found {
 
 /// Phases as they run, and last what is none. A phase that this version does not know stands before sampling.
 fn ordered(mut names: Vec<&str>) -> Vec<&str> {
-    const KNOWN: [&str; 7] = ["morton", "sort", "ploc", "collapse", "contract", "rearrange", "layout"];
+    const KNOWN: [&str; 8] =
+        ["morton", "sort", "ploc", "hploc", "collapse", "contract", "rearrange", "layout"];
     let rank = |name: &&str| match *name {
         SAMPLING => KNOWN.len() + 1,
         BETWEEN => KNOWN.len() + 2,
@@ -143,6 +144,7 @@ fn look(name: &str, number: usize) -> Look {
         "morton" => (Tone::Yellow, Hatch::Plain),
         "sort" => (Tone::Blue, Hatch::Plain),
         "ploc" => (Tone::Sky, Hatch::Plain),
+        "hploc" => (Tone::Sky, Hatch::Rising),
         "collapse" => (Tone::Vermilion, Hatch::Plain),
         "contract" => (Tone::Orange, Hatch::Rising),
         "layout" | "rearrange" => (Tone::Green, Hatch::Plain),

@@ -1,7 +1,7 @@
 //! Which tables there are.
 
 use super::{
-    Input, Table, best, bounces, memory, resources, roofline, scene, single_kernel, tests_per_ray,
+    Input, Table, best, bounces, builds, memory, resources, roofline, scene, single_kernel, tests_per_ray,
     traversal_cost, workgroup,
 };
 
@@ -28,11 +28,13 @@ pub enum Kind {
     Memory,
     /// How near the kernels come to what the device can do at best; takes --roofline
     Roofline,
+    /// How fast trees are built, phase by phase and in how many launches, and how good they are
+    Builds,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Kind; 10] = [
+    pub const ALL: [Kind; 11] = [
         Kind::Scene,
         Kind::Workgroup,
         Kind::TraversalCost,
@@ -43,6 +45,7 @@ impl Kind {
         Kind::Tests,
         Kind::Memory,
         Kind::Roofline,
+        Kind::Builds,
     ];
 
     /// The tables of this kind that come of some records; at least one.
@@ -61,6 +64,7 @@ impl Kind {
             Kind::Tests => tests_per_ray::tables(input),
             Kind::Memory => memory::tables(input),
             Kind::Roofline => roofline::tables(input),
+            Kind::Builds => builds::tables(input),
         }
     }
 }

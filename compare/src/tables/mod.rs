@@ -6,6 +6,7 @@
 
 mod best;
 mod bounces;
+mod builds;
 mod cell;
 mod choice;
 pub mod command;

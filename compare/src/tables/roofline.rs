@@ -5,7 +5,7 @@ use super::{Cell, Column, Emphasis, Input, Row, Table};
 use crate::roofline::{EXPLAINED, Limit, reached};
 use crate::select::{Entry, in_order};
 use crate::unreliable;
-use record::{OF_SCENE, Rays, Roofline};
+use record::{Rays, Roofline};
 
 /// The tables: one of each record.
 ///
@@ -27,12 +27,6 @@ fn table(source: &Shown, roofline: &Roofline) -> anyhow::Result<Table> {
         entries.iter().any(|entry| reached(entry.point, Rays::All, roofline).is_some()),
         "no point of the record tells what rays meet, which `runner run` and `runner sweep` write"
     );
-    let named = |entry: &Entry| {
-        let own = entry.pass.0.iter().filter(|(name, _)| !name.starts_with(OF_SCENE));
-        let own: Vec<String> = own.map(|(name, value)| format!("{name}={value}")).collect();
-        let own = if own.is_empty() { String::new() } else { format!(" ({})", own.join(", ")) };
-        format!("{}{own}", entry.variant())
-    };
     let mut rows = Vec::new();
     for scene in in_order(entries.iter().map(|entry| source.place(entry))) {
         for entry in entries.iter().filter(|entry| source.place(entry) == scene) {
@@ -42,7 +36,7 @@ fn table(source: &Shown, roofline: &Roofline) -> anyhow::Result<Table> {
                 let nearest = shares.iter().flatten().copied().fold(0.0, f64::max);
                 let met = |of: fn(&record::PerRay) -> f64| found.map(|found| of(&found.per_ray));
                 let mrps = entry.point.rate(rays);
-                let head = [Cell::text(scene), Cell::text(named(entry)), Cell::text(rays)];
+                let head = [Cell::text(scene), Cell::text(entry.named()), Cell::text(rays)];
                 let own = [
                     Cell::number(mrps, if mrps.is_some_and(|mrps| mrps < 10.0) { 2 } else { 0 }),
                     Cell::number(met(|met| met.nodes), 1),
@@ -50,22 +44,28 @@ fn table(source: &Shown, roofline: &Roofline) -> anyhow::Result<Table> {
                     Cell::number(met(|met| met.triangles), 1),
                     Cell::number(found.map(|found| found.bytes), 0),
                 ];
+                let lanes = found
+                    .map_or([None; 2], |found| found.lanes)
+                    .map(|share| Cell::number(share.map(|share| 100.0 * share), 0));
                 let shares = shares.map(|share| {
                     let cell = Cell::number(share.map(|share| 100.0 * share), 1);
                     cell.with_if(share.is_some_and(|share| share >= nearest), Emphasis::Best)
                 });
                 let first = rows.is_empty();
                 let apart = !first && rays == Rays::Primary;
-                rows.push(Row::new(head.into_iter().chain(own).chain(shares).collect()).apart(apart));
+                rows.push(
+                    Row::new(head.into_iter().chain(own).chain(lanes).chain(shares).collect()).apart(apart),
+                );
             }
         }
     }
     let unreliable = unreliable::sentence(
         entries.iter().copied(),
         |entry| entry.point,
-        |entry| format!("{} on {}", named(entry), source.place(entry)),
+        |entry| format!("{} on {}", entry.named(), source.place(entry)),
     );
     let heads = ["Nodes", "Boxes", "Triangles", "Bytes"].map(|head| Column::numbers(head).within("Per ray"));
+    let lanes = ["Nodes", "Triangles"].map(|head| Column::numbers(head).within("Lanes in a step (%)"));
     let limits = Limit::ALL.map(|limit| Column::numbers(limit.name()).within("Share of the limit (%)"));
     Ok(Table {
         name: "roofline".to_owned(),
@@ -84,6 +84,7 @@ fn table(source: &Shown, roofline: &Roofline) -> anyhow::Result<Table> {
         ]
         .into_iter()
         .chain(heads)
+        .chain(lanes)
         .chain(limits)
         .collect(),
         rows,

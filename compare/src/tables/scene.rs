@@ -5,7 +5,7 @@ use super::{Cell, Column, Content, Emphasis, Input, Row, Table};
 use crate::figure::{Better, Figure};
 use crate::select::{Entry, in_order};
 use crate::unreliable;
-use record::{OF_SCENE, Point};
+use record::Point;
 use std::cmp::Ordering;
 
 /// A column: what is in it, its head, and how many digits after the point the thesis prints.
@@ -53,13 +53,8 @@ fn table(input: &Input, source: &Shown, scene: &str) -> Table {
     let columns: Vec<Vec<Cell>> =
         KINDS.iter().map(|kind| column(kind, &entries, source, &input.reference)).collect();
     // What the scene was given stands in the head.
-    let pass = |entry: &Entry| {
-        let own = entry.pass.0.iter().filter(|(name, _)| !name.starts_with(OF_SCENE));
-        let own: Vec<String> = own.map(|(name, value)| format!("{name}={value}")).collect();
-        if own.is_empty() { String::new() } else { format!(" ({})", own.join(", ")) }
-    };
     let rows = entries.iter().enumerate().map(|(at, entry)| {
-        let name = Cell::text(format!("{}{}", entry.variant(), pass(entry)));
+        let name = Cell::text(entry.named());
         let cells = std::iter::once(name).chain(columns.iter().map(|column| column[at].clone()));
         let arity = |entry: &Entry| entry.variant().split(' ').next().map(str::to_owned);
         Row::new(cells.collect()).apart(at > 0 && arity(entries[at - 1]) != arity(entry))
@@ -70,11 +65,8 @@ fn table(input: &Input, source: &Shown, scene: &str) -> Table {
     } else {
         ""
     };
-    let unreliable = unreliable::sentence(
-        entries.iter().copied(),
-        |entry| entry.point,
-        |entry| format!("{}{}", entry.variant(), pass(entry)),
-    );
+    let unreliable =
+        unreliable::sentence(entries.iter().copied(), |entry| entry.point, |entry| entry.named());
     let head = format!("{scene}\n({})", triangles(entries.first().map_or(0, |e| e.point.scene.triangles)));
     Table {
         name: format!("scene-{scene}"),

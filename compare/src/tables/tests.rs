@@ -23,6 +23,36 @@ fn scenes() -> Record {
     record
 }
 
+/// Two ways to build on two scenes, and the driver's own, of which less is known.
+fn builds() -> Record {
+    let mut record = record();
+    record.results.clear();
+    for (scene, factor) in [("a", 1.0), ("b", 3.0)] {
+        for (method, faster) in [("ploc", 1.0), ("hploc", 2.0)] {
+            let mut point = with(point(scene, "Wide8", 1000.0, 200.0), "build.method", method);
+            for repetition in &mut point.build.repetitions {
+                repetition.milliseconds *= factor / faster;
+                repetition.phases.iter_mut().for_each(|phase| phase.milliseconds *= factor / faster);
+                if method == "hploc" {
+                    repetition.phases.remove(3);
+                    repetition.phases[2].name = method.into();
+                    repetition.launches = Some(12);
+                }
+            }
+            point.tree.sah_cost = point.tree.sah_cost.map(|cost| cost + faster);
+            record.results.push(point);
+        }
+    }
+    let mut driver = record.results[0].clone();
+    driver.variant = "Driver".into();
+    driver.parameters = record::Parameters::default();
+    driver.tree = record::Tree { bytes: Some(1_000_000), ..record::Tree::default() };
+    driver.views.iter_mut().for_each(|view| view.counters = None);
+    driver.build.repetitions.iter_mut().for_each(|repetition| repetition.launches = None);
+    record.results.push(driver);
+    record
+}
+
 /// Both axes of workgroups walk together; one size is slow, and one is missing for a variant.
 fn workgroups() -> Record {
     let mut record = record();
@@ -203,6 +233,7 @@ fn each_kind_is_written_in_both_forms() {
     insta::assert_snapshot!("tests", written(&[replayed()], Kind::Tests));
     insta::assert_snapshot!("memory", written(&[replayed()], Kind::Memory));
     insta::assert_snapshot!("roofline", written(&[scenes()], Kind::Roofline));
+    insta::assert_snapshot!("builds", written(&[builds()], Kind::Builds));
 }
 
 #[test]
@@ -258,7 +289,7 @@ fn what_a_record_lacks_is_an_error_that_says_what_to_do() {
         let records = [record];
         let input = Input::new(&records, &Filter::default(), None).unwrap();
         match (kind, kind.tables(&input)) {
-            (Kind::Scene | Kind::Bounces, tables) => assert_eq!(tables.unwrap().len(), 1),
+            (Kind::Scene | Kind::Bounces | Kind::Builds, tables) => assert_eq!(tables.unwrap().len(), 1),
             (Kind::Memory, tables) => assert_eq!(tables.unwrap().len(), 2),
             (Kind::Tests, tables) => assert_eq!(tables.unwrap().len(), 3),
             (_, tables) => assert!(tables.unwrap_err().to_string().contains("runner"), "{kind:?}"),
@@ -268,9 +299,10 @@ fn what_a_record_lacks_is_an_error_that_says_what_to_do() {
     let view = &mut record.results[0].views[0];
     view.counters = None;
     view.samples.clear();
+    record.results[0].build.repetitions.clear();
     let records = [record];
     let input = Input::new(&records, &Filter::default(), None).unwrap();
-    for kind in [Kind::Bounces, Kind::Tests] {
+    for kind in [Kind::Bounces, Kind::Tests, Kind::Builds] {
         assert!(kind.tables(&input).unwrap_err().to_string().contains("runner"), "{kind:?}");
     }
 }
@@ -285,7 +317,7 @@ fn what_the_driver_does_not_tell_is_a_gap_in_its_row_alone() {
     driver.views.iter_mut().for_each(|view| view.counters = None);
     let before = written(&[record.clone()], Kind::Tests);
     record.results.push(driver);
-    for kind in [Kind::Tests, Kind::Memory, Kind::Roofline, Kind::Scene] {
+    for kind in [Kind::Tests, Kind::Memory, Kind::Roofline, Kind::Scene, Kind::Builds] {
         let text = written(&[record.clone()], kind);
         let row = text.lines().find(|line| line.contains("| Driver |")).unwrap();
         assert!(row.contains('–') && !text.starts_with("left out"), "{kind:?}: {row}");

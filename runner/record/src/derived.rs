@@ -197,6 +197,12 @@ impl Point {
         Some(first + mean(self.adaptations().map(|a| a.build.median_milliseconds()))?)
     }
 
+    /// Million triangles of the scene a second that all builds take in, of [`Point::build_milliseconds`].
+    pub fn build_mtris(&self) -> Option<f64> {
+        let milliseconds = self.build_milliseconds().filter(|&ms| ms > 0.0)?;
+        Some(self.scene.triangles as f64 / milliseconds * 1e-3)
+    }
+
     /// Milliseconds of tracing the sample rays of one view: a median over repetitions, averaged over the
     /// views. Nothing where the variant does not go by view.
     pub fn sampling_milliseconds(&self) -> Option<f64> {
@@ -263,6 +269,11 @@ impl Build {
     pub fn median_milliseconds(&self) -> Option<f64> {
         let times: Vec<f64> = self.repetitions.iter().map(|repetition| repetition.milliseconds).collect();
         median(&times)
+    }
+
+    /// Launches of a build: the last one's, because the first may not know how many it takes.
+    pub fn launches(&self) -> Option<u32> {
+        self.repetitions.last()?.launches
     }
 
     /// Each phase and its milliseconds averaged over the repetitions, in the order in which they ran.
@@ -568,6 +579,7 @@ mod tests {
     #[test]
     fn build_times_are_averaged_by_phase() {
         let repetition = |sort, ploc| Repetition {
+            launches: None,
             milliseconds: sort + ploc + 1.0,
             phases: vec![
                 Phase { name: "sort".into(), milliseconds: sort },

@@ -130,6 +130,7 @@ fn repetition<const N: usize>(milliseconds: f64, phases: [(&str, f64); N]) -> Re
     Repetition {
         milliseconds,
         phases: phases.map(|(name, milliseconds)| Phase { name: name.into(), milliseconds }).to_vec(),
+        launches: Some(20 * N as u32),
     }
 }
 

@@ -152,6 +152,9 @@ pub struct Repetition {
     pub milliseconds: f64,
     /// The phases, in the order in which they ran.
     pub phases: Vec<Phase>,
+    /// Kernels launched, fills and copies; absent where nobody knows, as of the driver's own builder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub launches: Option<u32>,
 }
 
 /// One phase of a build.

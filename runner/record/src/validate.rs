@@ -569,6 +569,9 @@ mod tests {
             let view = r.results[0].views[0].clone();
             r.results[0].views.push(view);
         });
+        breaks("results[0].views[0].samples[0].frame_milliseconds", Range, |r| {
+            r.results[0].views[0].samples[0].frame_milliseconds = Some(0.0);
+        });
         breaks("results[0].views[0].samples", Empty, |r| {
             r.results[0].views[0].samples.clear();
         });

@@ -681,7 +681,7 @@ fn every_config_of_the_project_says_what_it_should() {
             own[0]
         );
     }
-    assert_eq!(files.len(), 19, "{files:?}");
+    assert_eq!(files.len(), 20, "{files:?}");
     // Five turns of 40 views: the frames of the paper.
     let rtrs = load("rtrs.toml");
     assert!(rtrs.scenes.iter().all(|scene| scene.ends_with("orbit=40")));

@@ -10,6 +10,8 @@ mod start;
 mod stop;
 
 pub use held::Held;
+pub use kernels::Kernels;
+pub use settle::mark as mark_warm_up;
 pub use start::{Defaults, LAUNCHES, LEAST_CLOCK, begin, clock, depth, telemetry};
 pub use stop::Sampling;
 
@@ -20,7 +22,6 @@ use crate::{
     telemetry::{Moment, Telemetry},
     variant::Variant,
 };
-use kernels::Kernels;
 use ramp::Ramp;
 use record::{Adaptation, Build, Counters, Exclusion, Measurement, Method, Point, Stop, Timestamp};
 use shots::{Shot, Shots};
@@ -333,7 +334,7 @@ impl Measuring<'_> {
 }
 
 /// Why a sample that ended at this moment does not count, if it does not.
-fn slowed(moment: &Moment, clock: Option<&record::Clock>) -> Option<Exclusion> {
+pub fn slowed(moment: &Moment, clock: Option<&record::Clock>) -> Option<Exclusion> {
     if moment.throttled == Some(true) {
         return Some(Exclusion::Throttled);
     }

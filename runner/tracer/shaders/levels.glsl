@@ -10,6 +10,8 @@
 
 const uint MAX_LEVELS = 256;
 const uint TAIL = 0xffffffffu;
+// Instead of a count: the nodes are in no order.
+const uint UNORDERED = 0xffffffffu;
 
 struct DispatchArguments {
     uint x, y, z;

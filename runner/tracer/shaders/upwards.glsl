@@ -1,5 +1,6 @@
 // The main function of passes up the binary tree: `visit` for every inner node, children before parents. See
-// `Upwards` in upwards.rs. Included behind the push constants, which have `levels`, `bounds` and `level`, and `visit`.
+// `Upwards` in upwards/mod.rs. Included behind the push constants, which have `levels`, `bounds` and `level`, and
+// `visit`; and where the tree may have no levels, `ordered`, which says which node is listed at a place.
 
 void main() {
     // 0 while the tree is incomplete; then nothing here is of use.
@@ -13,7 +14,11 @@ void main() {
     for (uint k = begin; k < end; ++k) {
         uint last = levels.first[k + 1];
         for (uint i = levels.first[k] + gl_GlobalInvocationID.x; i < last; i += stride) {
+#ifdef ORDERED
+            visit(ordered(i, leaves), leaves, scale);
+#else
             visit(i, leaves, scale);
+#endif
         }
         if (level == TAIL) {
             memoryBarrierBuffer();

@@ -5,6 +5,8 @@
 //!             \ morton /              \    ploc    /                 contract    \    layout   /
 //! ```
 //!
+//! With [`Method::Hploc`] clustering and collapse are one launch.
+//!
 //! Everything is recorded into one submission, and nothing is read back before its end: how many
 //! iterations the clustering takes, and how large each is, only the GPU knows.
 //!
@@ -19,14 +21,15 @@ use crate::{
         WideBvh,
     },
     gpu::{Buffer, Error, Gpu, Pass, Timings},
+    hploc::{Hploc, HplocBuffers, HplocParams},
     layout::{self, Encode, Layout, LayoutBuffers, LayoutParams, NodeLayout},
     morton::{BOUNDS_BYTES, Morton, MortonParams, SceneBounds},
     ploc::{Ploc, PlocBuffers, PlocParams},
-    sort::{Sort, SortBuffers},
+    sort::{Sort, SortBuffers, SortParams},
     traverse::{Structure, Tree, TriangleParams, groups::STACK_PER_NODE},
 };
 use serde::{Deserialize, Serialize};
-use std::{cell::Cell, fmt, ops::Range, time::Instant};
+use std::{cell::Cell, fmt, time::Instant};
 
 /// Everything that may be chosen about a build.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -36,8 +39,12 @@ pub struct BuildParams {
     pub method: Method,
     /// The curve that triangles are sorted along.
     pub morton: MortonParams,
+    /// The sorting along it.
+    pub sort: SortParams,
     /// The clustering.
     pub ploc: PlocParams,
+    /// The clustering in a single launch.
+    pub hploc: HplocParams,
     /// The merging of leaves.
     pub collapse: CollapseParams,
     /// Which boxes share a node.
@@ -55,6 +62,8 @@ pub enum Method {
     /// Parallel locally-ordered clustering on the device: [`crate::ploc`].
     #[default]
     Ploc,
+    /// The same up the hierarchy of the codes, in a single launch: [`crate::hploc`].
+    Hploc,
     /// Spatial splits, on the CPU: [`crate::sbvh`]. Better, and slower to build.
     Sbvh,
     /// Boxes halved in the middle, on the CPU, with leaves of all subtrees of up to `collapse.max_leaf` triangles:
@@ -67,6 +76,7 @@ impl fmt::Display for Method {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.pad(match self {
             Self::Ploc => "ploc",
+            Self::Hploc => "hploc",
             Self::Sbvh => "sbvh",
             Self::Midpoint => "midpoint",
         })
@@ -116,6 +126,8 @@ pub struct BuildMilliseconds {
     pub sort: f64,
     /// Leaves and clustering.
     pub ploc: f64,
+    /// Leaves, and clustering and merging leaves in a single launch.
+    pub hploc: f64,
     /// Merging leaves.
     pub collapse: f64,
     /// Choosing which boxes share a node.
@@ -147,6 +159,7 @@ impl BuildMilliseconds {
             morton: under("morton"),
             sort: under("sort"),
             ploc: under("ploc"),
+            hploc: under("hploc"),
             collapse: under("collapse"),
             contract: under("contract"),
             layout: under("layout"),
@@ -170,7 +183,27 @@ pub struct Builder {
 #[derive(Debug)]
 struct Clustering {
     sort: Sort,
-    ploc: Ploc,
+    method: ClusteringMethod,
+}
+
+#[derive(Debug)]
+enum ClusteringMethod {
+    Ploc(Ploc),
+    Hploc(Hploc),
+}
+
+/// Memory that they need besides the tree.
+#[derive(Debug)]
+struct ClusteringBuffers {
+    sorted: SortBuffers,
+    method: MethodBuffers,
+}
+
+#[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "a workspace has one")]
+enum MethodBuffers {
+    Ploc(PlocBuffers),
+    Hploc(HplocBuffers),
 }
 
 /// Device memory for builds of up to so many triangles, so that a build itself allocates nothing.
@@ -181,7 +214,7 @@ pub struct BuildWorkspace {
     last: Cell<Option<Last>>,
     bounds: Buffer,
     tree: Bvh2Buffers,
-    clustering: Option<(SortBuffers, PlocBuffers)>,
+    clustering: Option<ClusteringBuffers>,
     subtrees: Buffer,
     /// The wide tree, its nodes and its triangles.
     pub wide: WideWorkspace,
@@ -218,7 +251,7 @@ pub struct Summary {
     /// Entries that a traversal's stack needs at most: one for every further child on a way from the root to
     /// a leaf, and one that marks the end.
     pub stack: u32,
-    /// Levels of the binary tree, that is iterations of the clustering.
+    /// Levels of the binary tree, that is iterations of the clustering; 0 where there are none.
     pub levels: u32,
     /// Those that were processed by a dispatch each, before one workgroup took over.
     pub large_levels: u32,
@@ -237,8 +270,8 @@ struct Input<'a> {
 #[derive(Clone, Copy)]
 struct Source<'a> {
     visits: Option<Visits<'a>>,
-    /// Levels that the collapse was recorded for.
-    large: u32,
+    /// Levels that the collapse was recorded for; nothing where the tree has none.
+    large: Option<u32>,
 }
 
 /// What is known of a binary tree.
@@ -259,8 +292,8 @@ struct Last {
 struct Dispatches {
     /// Iterations of the clustering.
     iterations: u32,
-    /// Levels in the stages that go level by level.
-    levels: u32,
+    /// Levels in the stages that go level by level; nothing where the tree has none.
+    levels: Option<u32>,
 }
 
 /// What a build made and how long it took.
@@ -282,7 +315,7 @@ impl Summary {
             nodes: progress.nodes,
             depth: progress.depth,
             stack: progress.stack,
-            levels: header.count,
+            levels: header.levels(),
             large_levels: header.tail,
             iterations: header.iterations,
         }
@@ -299,7 +332,7 @@ impl Builder {
     /// A parameter is out of its documented range, or the contraction goes by view: there have to be visits
     /// first, see [`Widen`].
     pub fn new(gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Self, BuildError> {
-        Self::compile(gpu, params, layout, params.method == Method::Ploc)
+        Self::compile(gpu, params, layout, true)
     }
 
     /// The same for binary trees that [`BuildWorkspace::adopt`] is given, whatever method made them.
@@ -315,15 +348,22 @@ impl Builder {
 
     fn compile(gpu: &Gpu, params: &BuildParams, layout: Layout, clusters: bool) -> Result<Self, BuildError> {
         assert!(!params.contract.method.by_view(), "{} needs a tree and visits", params.contract.method);
-        let clustering = || {
-            let (sort, ploc) = (Sort::new(gpu, params.morton.words())?, Ploc::new(gpu, &params.ploc)?);
-            Ok::<_, Error>(Clustering { sort, ploc })
+        let words = params.morton.words();
+        let method = match params.method {
+            _ if !clusters => None,
+            Method::Ploc => Some(ClusteringMethod::Ploc(Ploc::new(gpu, &params.ploc)?)),
+            Method::Hploc => {
+                Some(ClusteringMethod::Hploc(Hploc::new(gpu, &params.hploc, &params.collapse, words)?))
+            }
+            Method::Sbvh | Method::Midpoint => None,
         };
+        let clustering =
+            |method| Ok::<_, Error>(Clustering { sort: Sort::new(gpu, words, &params.sort)?, method });
         Ok(Self {
             gpu: gpu.clone(),
             params: params.clone(),
             morton: Morton::new(gpu, &params.morton)?,
-            clustering: clusters.then(clustering).transpose()?,
+            clustering: method.map(clustering).transpose()?,
             collapse: Collapse::new(gpu, &params.collapse)?,
             widen: Widen::new(gpu, params, layout)?,
         })
@@ -337,9 +377,12 @@ impl Builder {
     /// The clustering, whose block sizes tests go around.
     ///
     /// # Panics
-    /// The tree is not built on the device.
+    /// The tree comes from elsewhere.
     pub fn ploc(&self) -> &Ploc {
-        &self.clustering.as_ref().expect("the tree is clustered").ploc
+        match &self.clustering {
+            Some(Clustering { method: ClusteringMethod::Ploc(ploc), .. }) => ploc,
+            _ => panic!("the tree is made by {:?}", self.params.method),
+        }
     }
 
     /// Allocates for trees of up to `capacity` leaves; about 400 bytes each. Where triangles are not split, they are as
@@ -356,9 +399,16 @@ impl Builder {
             bounds: gpu.buffer("scene bounds", BOUNDS_BYTES)?,
             tree: Bvh2Buffers::new(gpu, capacity)?,
             clustering: (self.clustering.as_ref())
-                .map(|Clustering { sort, ploc }| {
-                    let sorted = sort.buffers(gpu, capacity, self.params.morton.words())?;
-                    Ok::<_, Error>((sorted, ploc.buffers(gpu, capacity)?))
+                .map(|Clustering { sort, method }| {
+                    Ok::<_, Error>(ClusteringBuffers {
+                        sorted: sort.buffers(gpu, capacity, self.params.morton.words())?,
+                        method: match method {
+                            ClusteringMethod::Ploc(ploc) => MethodBuffers::Ploc(ploc.buffers(gpu, capacity)?),
+                            ClusteringMethod::Hploc(_) => {
+                                MethodBuffers::Hploc(Hploc::buffers(gpu, capacity)?)
+                            }
+                        },
+                    })
                 })
                 .transpose()?,
             subtrees: Collapse::buffer(gpu, capacity)?,
@@ -389,17 +439,43 @@ impl Builder {
         check(count)?;
         assert!(count <= workspace.capacity, "{count} triangles in a workspace for {}", workspace.capacity);
         assert!(36 * count as u64 <= triangles.bytes(), "{count} triangles in {triangles:?}");
-        let Some(Clustering { ploc, .. }) = &self.clustering else {
-            return self.build_adopted(workspace, triangles, count, time_dispatches);
-        };
         let input = Input { triangles, count };
+        let (clustering, buffers) = match (&self.clustering, &workspace.clustering) {
+            (Some(clustering), Some(buffers)) => (clustering, buffers),
+            (None, None) => return self.build_adopted(workspace, triangles, count, time_dispatches),
+            _ => panic!("a workspace of another builder"),
+        };
+        let (ploc, clusters) = match (&clustering.method, &buffers.method) {
+            (ClusteringMethod::Ploc(ploc), MethodBuffers::Ploc(clusters)) => (ploc, clusters),
+            (ClusteringMethod::Hploc(hploc), MethodBuffers::Hploc(clusters)) => {
+                let record = |pass: &mut Pass| {
+                    let SortBuffers { keys, values, .. } = &buffers.sorted;
+                    let at = self.record_order(pass, workspace, input, clustering, &buffers.sorted);
+                    pass.scope("hploc", |pass| {
+                        let BuildWorkspace { bounds, tree, subtrees, .. } = workspace;
+                        let sorted = (&keys[at], &values[at]);
+                        hploc.record(pass, triangles, count, sorted, bounds, tree, subtrees, clusters);
+                    });
+                };
+                let last = Last {
+                    triangles: count,
+                    leaves: count,
+                    dispatches: Dispatches { iterations: 0, levels: None },
+                    before: Before::default(),
+                };
+                let report = self.build_once(workspace, input, last, time_dispatches, record)?;
+                workspace.last.set(Some(last));
+                return Ok(report);
+            }
+            _ => panic!("a workspace of another builder"),
+        };
         let mut timings = Timings::default();
         let mut done = 0;
         let mut recorded = match workspace.last.get() {
             Some(last) if last.triangles == count => last.dispatches,
             _ => {
                 let iterations = ploc.iterations(count);
-                Dispatches { iterations, levels: iterations }
+                Dispatches { iterations, levels: Some(iterations) }
             }
         };
         let levels = &workspace.wide.levels;
@@ -408,8 +484,19 @@ impl Builder {
             pass.time_dispatches(time_dispatches);
             let large = recorded.levels;
             pass.scope("build", |pass| {
-                let order = (done == 0).then(|| self.record_order(pass, workspace, input));
-                self.record_tree(pass, workspace, input, order, done..recorded.iterations, recorded.levels);
+                let sorted = &buffers.sorted;
+                let order =
+                    (done == 0).then(|| self.record_order(pass, workspace, input, clustering, sorted));
+                let BuildWorkspace { bounds, tree, subtrees, .. } = workspace;
+                pass.scope("ploc", |pass| {
+                    if let Some(order) = order {
+                        ploc.record_leaves(pass, triangles, count, &sorted.values[order], tree, clusters);
+                    }
+                    ploc.record(pass, tree, bounds, clusters, done..recorded.iterations);
+                });
+                pass.scope("collapse", |pass| {
+                    self.collapse.record(pass, tree, bounds, subtrees, large.unwrap_or(0));
+                });
                 self.widen.record(
                     pass,
                     workspace,
@@ -419,17 +506,17 @@ impl Builder {
                     true,
                 );
             });
-            timings.spans.extend(pass.submit()?.spans);
+            timings.extend(pass.submit()?);
             let header = workspace.tree.header()?;
             let complete = header.count > 0 || count == 1;
-            if complete && header.tail <= recorded.levels {
+            if complete && Some(header.tail) <= recorded.levels {
                 let source = Source { visits: None, large };
                 let progress = self.widen.finish(workspace, &workspace.wide, input, source, &mut timings)?;
                 let (iterations, tail) = (header.iterations, header.tail);
                 workspace.last.set(Some(Last {
                     triangles: count,
                     leaves: count,
-                    dispatches: Dispatches { iterations, levels: tail },
+                    dispatches: Dispatches { iterations, levels: Some(tail) },
                     before: Before::default(),
                 }));
                 return Ok(BuildReport {
@@ -444,11 +531,11 @@ impl Builder {
             // reached, does the same once more.
             done = recorded.iterations;
             if complete {
-                recorded.levels = header.tail;
+                recorded.levels = Some(header.tail);
             } else {
                 assert!((done as usize) < MAX_LEVELS, "the number of iterations is bounded, see ploc::Step");
                 let iterations = (done + 32).min(MAX_LEVELS as u32);
-                recorded = Dispatches { iterations, levels: iterations };
+                recorded = Dispatches { iterations, levels: Some(iterations) };
             }
         }
     }
@@ -464,20 +551,34 @@ impl Builder {
         let last = workspace.last.get().filter(|last| last.triangles == count);
         let last = last.expect("a tree over these triangles was adopted");
         let input = Input { triangles, count: last.leaves };
-        let large = last.dispatches.levels;
-        let source = Source { visits: None, large };
-        let mut pass = Pass::new(&self.gpu)?;
-        pass.time_dispatches(time_dispatches);
-        pass.scope("build", |pass| {
+        self.build_once(workspace, input, last, time_dispatches, |pass| {
             pass.scope("morton", |pass| self.morton.record_bounds(pass, triangles, count, &workspace.bounds));
             pass.scope("collapse", |pass| {
                 let (tree, bounds) = (&workspace.tree, &workspace.bounds);
+                let large = last.dispatches.levels.unwrap_or(0);
                 self.collapse.record(pass, tree, bounds, &workspace.subtrees, large);
             });
+        })
+    }
+
+    /// A build of one submission: what `record` records makes a collapsed binary tree, of which `last` is known.
+    fn build_once(
+        &self,
+        workspace: &BuildWorkspace,
+        input: Input<'_>,
+        last: Last,
+        time_dispatches: bool,
+        record: impl FnOnce(&mut Pass),
+    ) -> Result<BuildReport, BuildError> {
+        let source = Source { visits: None, large: last.dispatches.levels };
+        let mut pass = Pass::new(&self.gpu)?;
+        pass.time_dispatches(time_dispatches);
+        pass.scope("build", |pass| {
+            record(pass);
             self.widen.record(pass, workspace, &workspace.wide, input, source, true);
         });
         let mut timings = Timings::default();
-        timings.spans.extend(pass.submit()?.spans);
+        timings.extend(pass.submit()?);
         let progress = self.widen.finish(workspace, &workspace.wide, input, source, &mut timings)?;
         Ok(BuildReport {
             summary: Summary::of(&progress, &workspace.tree.header()?),
@@ -487,41 +588,19 @@ impl Builder {
         })
     }
 
-    /// Which of the value buffers holds the triangles' order.
-    fn record_order(&self, pass: &mut Pass, w: &BuildWorkspace, input: Input<'_>) -> usize {
-        let Input { triangles, count } = input;
-        let (Some(Clustering { sort, .. }), Some((sorted, _))) = (&self.clustering, &w.clustering) else {
-            unreachable!("trees from elsewhere need no order");
-        };
-        pass.scope("morton", |pass| self.morton.record(pass, triangles, count, &w.bounds, &sorted.keys[0]));
-        pass.scope("sort", |pass| sort.record(pass, sorted, count, self.params.morton.code_bits()))
-    }
-
-    /// `steps` of the clustering, which starts afresh where there is an `order`, and what follows it, with
-    /// a dispatch for each of `large` levels.
-    fn record_tree(
+    /// Which of the key and value buffers hold the triangles' order.
+    fn record_order(
         &self,
         pass: &mut Pass,
         w: &BuildWorkspace,
         input: Input<'_>,
-        order: Option<usize>,
-        steps: Range<u32>,
-        large: u32,
-    ) {
+        clustering: &Clustering,
+        sorted: &SortBuffers,
+    ) -> usize {
         let Input { triangles, count } = input;
-        let (Some(Clustering { ploc, .. }), Some((sorted, clusters))) = (&self.clustering, &w.clustering)
-        else {
-            unreachable!("trees from elsewhere are not clustered");
-        };
-        pass.scope("ploc", |pass| {
-            if let Some(order) = order {
-                ploc.record_leaves(pass, triangles, count, &sorted.values[order], &w.tree, clusters);
-            }
-            ploc.record(pass, &w.tree, &w.bounds, clusters, steps);
-        });
-        pass.scope("collapse", |pass| {
-            self.collapse.record(pass, &w.tree, &w.bounds, &w.subtrees, large);
-        });
+        pass.scope("morton", |pass| self.morton.record(pass, triangles, count, &w.bounds, &sorted.keys[0]));
+        let bits = self.params.morton.code_bits();
+        pass.scope("sort", |pass| clustering.sort.record(pass, sorted, count, bits))
     }
 }
 
@@ -592,7 +671,7 @@ impl Widen {
         pass.time_dispatches(false);
         let source = Source { visits, large: dispatches.levels };
         pass.scope("build", |pass| self.record(pass, from, to, input, source, true));
-        timings.spans.extend(pass.submit()?.spans);
+        timings.extend(pass.submit()?);
         let progress = self.finish(from, to, input, source, &mut timings)?;
         let header = from.tree.header()?;
         Ok(BuildReport {
@@ -655,7 +734,7 @@ impl Widen {
             let mut pass = Pass::new(&self.gpu)?;
             pass.time_dispatches(false);
             pass.scope("build", |pass| self.record(pass, from, to, input, source, false));
-            timings.spans.extend(pass.submit()?.spans);
+            timings.extend(pass.submit()?);
         }
     }
 }
@@ -726,11 +805,11 @@ impl BuildWorkspace {
         let before = match made {
             Some((Method::Sbvh, sbvh)) => Before { sbvh, ..Before::default() },
             Some((Method::Midpoint, midpoint)) => Before { midpoint, ..Before::default() },
-            Some((Method::Ploc, _)) | None => {
+            Some((Method::Ploc | Method::Hploc, _)) | None => {
                 Before { adopt: 1e3 * started.elapsed().as_secs_f64(), ..Before::default() }
             }
         };
-        let dispatches = Dispatches { iterations: 0, levels };
+        let dispatches = Dispatches { iterations: 0, levels: Some(levels) };
         self.last.set(Some(Last { triangles, leaves: tree.leaves, dispatches, before }));
         Ok(())
     }

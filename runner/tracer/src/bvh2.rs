@@ -12,6 +12,9 @@
 //! in level k are leaves or lie in levels before k. So a pass upwards is one dispatch a level, in order,
 //! and a pass downwards the same in reverse, without atomics, without waiting, with one possible result.
 //! For PLOC a level is one iteration, for SBVH the nodes of one height.
+//!
+//! A tree of [`crate::hploc`] has no levels: its root is the last, and the other inner nodes lie in any order.
+//! [`Bvh2::upwards`] finds one in which children come first.
 
 use crate::{
     gpu::{Buffer, Error, Gpu},
@@ -119,7 +122,8 @@ pub struct Bvh2 {
     pub nodes: Vec<Bvh2Node>,
     /// How many triangles or references; at least one.
     pub leaves: usize,
-    /// Consecutive ranges of inner nodes: see the module's text. One may be empty.
+    /// Consecutive ranges of inner nodes: see the module's text. One may be empty. None where the nodes are in
+    /// no order.
     pub levels: Vec<Range<u32>>,
 }
 
@@ -130,12 +134,61 @@ impl Bvh2 {
     /// A transfer failed.
     pub fn read(from: &Bvh2Buffers, leaves: usize) -> Result<Self, Error> {
         let header = from.header()?;
-        let first = &header.first[..=header.count as usize];
+        let first = &header.first[..=header.levels() as usize];
         Ok(Self {
             nodes: from.nodes.read(0, 2 * leaves - 1)?,
             leaves,
             levels: first.windows(2).map(|w| w[0]..w[1]).collect(),
         })
+    }
+
+    /// The inner nodes, children in front of their parents.
+    pub fn upwards(&self) -> Vec<u32> {
+        let inner = self.leaves as u32..self.nodes.len() as u32;
+        if !self.levels.is_empty() {
+            return inner.collect();
+        }
+        // From the root down, then turned around.
+        let mut order: Vec<u32> = inner.last().into_iter().collect();
+        let mut next = 0;
+        while let Some(&index) = order.get(next) {
+            let node = self.nodes[index as usize];
+            order.extend([node.left, node.right].into_iter().filter(|&c| c as usize >= self.leaves));
+            next += 1;
+        }
+        order.reverse();
+        order
+    }
+
+    /// The same tree with its inner nodes in levels, by their height, where they were in no order.
+    pub fn in_levels(self) -> Self {
+        if !self.levels.is_empty() || self.leaves == 1 {
+            return self;
+        }
+        let leaves = self.leaves;
+        let mut order = self.upwards();
+        let mut heights = vec![0u32; self.nodes.len()];
+        for &index in &order {
+            let Bvh2Node { left, right, .. } = self.nodes[index as usize];
+            heights[index as usize] = 1 + heights[left as usize].max(heights[right as usize]);
+        }
+        // The root is higher than all others, and so remains the last.
+        order.sort_by_key(|&index| (heights[index as usize], index));
+        let mut numbers: Vec<u32> = (0..self.nodes.len() as u32).collect();
+        order.iter().zip(leaves as u32..).for_each(|(&from, to)| numbers[from as usize] = to);
+        let mut nodes = self.nodes[..leaves].to_vec();
+        nodes.extend(order.iter().map(|&index| {
+            let node = self.nodes[index as usize];
+            let [left, right] = [node.left, node.right].map(|child| numbers[child as usize]);
+            Bvh2Node { left, right, ..node }
+        }));
+        let mut levels = Vec::new();
+        let mut next = leaves as u32;
+        for level in order.chunk_by(|a, b| heights[*a as usize] == heights[*b as usize]) {
+            levels.push(next..next + level.len() as u32);
+            next += level.len() as u32;
+        }
+        Self { nodes, leaves, levels }
     }
 }
 
@@ -143,12 +196,22 @@ impl Bvh2 {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct LevelsHeader {
-    /// Zero while the tree is incomplete.
+    /// Zero while the tree is incomplete; [`UNORDERED`] where there are none.
     pub count: u32,
     pub tail: u32,
     pub leaves: u32,
     pub iterations: u32,
     pub first: [u32; MAX_LEVELS + 1],
+}
+
+/// Instead of a number of levels: the nodes are in no order; `UNORDERED` in `levels.glsl`.
+const UNORDERED: u32 = u32::MAX;
+
+impl LevelsHeader {
+    /// How many levels there are.
+    pub fn levels(&self) -> u32 {
+        if self.count == UNORDERED { 0 } else { self.count }
+    }
 }
 
 /// Levels of no more nodes than this, and with none larger above them, are left to one workgroup. `FEW` of PLOC is
@@ -174,8 +237,13 @@ impl Bvh2Buffers {
     pub fn new(gpu: &Gpu, leaves: usize) -> Result<Self, Error> {
         Ok(Self {
             nodes: gpu.buffer("binary tree", 32 * (2 * leaves as u64 - 1))?,
-            levels: gpu.buffer("levels of the binary tree", LEVELS_BYTES)?,
+            levels: Self::levels(gpu, "levels of the binary tree")?,
         })
+    }
+
+    /// Room for `Levels` in `levels.glsl`.
+    pub(crate) fn levels(gpu: &Gpu, name: &str) -> Result<Buffer, Error> {
+        gpu.buffer(name, LEVELS_BYTES)
     }
 
     /// Copies a tree here. Returns how many of its levels may need more than one workgroup.

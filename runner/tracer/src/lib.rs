@@ -8,6 +8,7 @@ pub mod collapse;
 pub mod contract;
 pub mod driver;
 pub mod gpu;
+pub mod hploc;
 pub mod layout;
 pub mod list;
 pub mod measure;

@@ -21,6 +21,7 @@
 use crate::{
     builder::Method,
     bvh2::{Aabb, Bvh2, Bvh2Node, LEAF, MAX_LEVELS, MAX_TRIANGLES, Triangle},
+    hploc::HplocParams,
     morton::MortonParams,
     ploc::PlocParams,
     sbvh::SbvhParams,
@@ -53,6 +54,13 @@ pub enum Recipe {
         /// The clustering.
         ploc: PlocParams,
     },
+    /// The same up the hierarchy of the codes: [`crate::hploc`].
+    Hploc {
+        /// The curve.
+        morton: MortonParams,
+        /// The clustering.
+        hploc: HplocParams,
+    },
     /// Spatial splits: [`crate::sbvh`].
     Sbvh {
         /// When to split.
@@ -67,6 +75,7 @@ impl Recipe {
     pub fn method(&self) -> Method {
         match self {
             Self::Ploc { .. } => Method::Ploc,
+            Self::Hploc { .. } => Method::Hploc,
             Self::Sbvh { .. } => Method::Sbvh,
             Self::Midpoint => Method::Midpoint,
         }
@@ -126,9 +135,10 @@ fn bytes_of(leaves: usize, levels: usize, json: usize) -> usize {
 /// The file of a tree over `triangles` triangles whose hash is `content`.
 ///
 /// # Panics
-/// The tree has no leaves.
+/// The tree has no leaves, or its nodes are in no order: see [`Bvh2::in_levels`].
 pub fn encode(tree: &Bvh2, made: &Made, content: &Hash, triangles: usize) -> Vec<u8> {
     let (leaves, inner) = tree.nodes.split_at(tree.leaves);
+    assert!(inner.is_empty() || !tree.levels.is_empty(), "a file has its nodes in levels");
     let json = serde_json::to_vec(made).expect("numbers and text under names");
     let mut bytes = Vec::with_capacity(bytes_of(tree.leaves, tree.levels.len(), json.len()));
     bytes.extend(MAGIC);
@@ -222,7 +232,7 @@ pub fn decode(bytes: &[u8], content: &Hash, triangles: usize) -> Result<(Bvh2, M
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{midpoint, ploc, sbvh};
+    use crate::{hploc, midpoint, morton, ploc, sbvh, sort};
 
     fn triangles(count: usize) -> Vec<Triangle> {
         (0..count)
@@ -253,9 +263,16 @@ mod tests {
             let order: Vec<u32> = (0..count as u32).rev().collect();
             let clustered = ploc::cpu::build(&triangles, &order, 1.0, &PlocParams::default());
             let clustering = Recipe::Ploc { morton: MortonParams::default(), ploc: PlocParams { radius: 3 } };
+            let (bounds, morton) = (morton::cpu::bounds(&triangles), MortonParams::default());
+            let codes = morton::cpu::codes(&triangles, &bounds, &morton);
+            let (sorted, hploc) = (sort::cpu::order(&codes), HplocParams::default());
+            let climbed = hploc::cpu::build(&triangles, &codes, &sorted, bounds.scale(), &hploc).in_levels();
+            let climbing = Recipe::Hploc { morton, hploc };
             let split = sbvh::build(&triangles, &SbvhParams::default());
             let halved = midpoint::build(&triangles);
-            for (tree, recipe) in [(clustered, clustering), (split, splits()), (halved, Recipe::Midpoint)] {
+            for (tree, recipe) in
+                [(clustered, clustering), (climbed, climbing), (split, splits()), (halved, Recipe::Midpoint)]
+            {
                 let made = made(recipe);
                 let (read, how) = decode(&encode(&tree, &made, &content, count), &content, count).unwrap();
                 assert_eq!(bits(&read), bits(&tree));

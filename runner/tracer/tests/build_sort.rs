@@ -5,7 +5,7 @@ mod support;
 use support::{Random, assert_silent, gpu};
 use tracer::{
     gpu::Pass,
-    sort::{self, Sort, SortBuffers},
+    sort::{self, Sort, SortBuffers, SortParams},
 };
 
 struct Case {
@@ -15,8 +15,8 @@ struct Case {
 }
 
 impl Case {
-    fn new(words: u32, capacity: usize) -> Self {
-        let sort = Sort::new(gpu(), words).unwrap();
+    fn new(words: u32, keys: u32, capacity: usize) -> Self {
+        let sort = Sort::new(gpu(), words, &SortParams { keys }).unwrap();
         let buffers = sort.buffers(gpu(), capacity, words).unwrap();
         Self { sort, buffers, words }
     }
@@ -49,16 +49,18 @@ impl Case {
 
 #[test]
 fn sizes_around_every_partition_are_sorted() {
-    let case = Case::new(1, 5 * 4096);
-    let tile = case.sort.tile();
-    let mut sizes = vec![1, 2, 3, 7, 8, 9, 31, 32, 33, 63, 64, 65, 127, 128, 129, 255, 256, 257];
-    for tiles in 1..=4 {
-        sizes.extend([tiles * tile - 1, tiles * tile, tiles * tile + 1]);
-    }
-    let mut random = Random(1);
-    for n in sizes {
-        let keys: Vec<u64> = (0..n).map(|_| random.next() >> 34).collect();
-        case.check(&keys, 30, "random");
+    for keys in [16, 5, 1] {
+        let case = Case::new(1, keys, 5 * 4096);
+        let tile = case.sort.tile();
+        let mut sizes = vec![1, 2, 3, 7, 8, 9, 31, 32, 33, 63, 64, 65, 127, 128, 129, 255, 256, 257];
+        for tiles in 1..=4 {
+            sizes.extend([tiles * tile - 1, tiles * tile, tiles * tile + 1]);
+        }
+        let mut random = Random(1);
+        for n in sizes {
+            let all: Vec<u64> = (0..n).map(|_| random.next() >> 34).collect();
+            case.check(&all, 30, &format!("random, {keys} at a time"));
+        }
     }
     assert_silent();
 }
@@ -67,7 +69,7 @@ fn sizes_around_every_partition_are_sorted() {
 fn equal_keys_keep_their_order_and_ordered_keys_stay_or_turn() {
     for words in [1, 2] {
         let n = 20_000;
-        let case = Case::new(words, n);
+        let case = Case::new(words, 16, n);
         let bits = 32 * words;
         let top = if words == 1 { u64::from(u32::MAX) } else { u64::MAX };
         let mut random = Random(2);
@@ -87,7 +89,7 @@ fn any_number_of_bits_decides() {
     let n = 5000;
     let mut random = Random(3);
     let keys: Vec<u64> = (0..n).map(|_| random.next()).collect();
-    let case = Case::new(2, n);
+    let case = Case::new(2, 16, n);
     for bits in [1, 8, 9, 24, 32, 33, 45, 48, 63, 64] {
         // Bits above the last whole digit take part, so they have to be zero, as those of a code are.
         let mask = if bits >= 64 { u64::MAX } else { (1 << bits) - 1 };

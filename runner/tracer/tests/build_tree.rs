@@ -11,6 +11,7 @@ use tracer::{
     bvh2::{Aabb, Bvh2, Triangle},
     collapse::{self, CollapseParams, Subtree},
     contract::{self, ContractParams, Contraction, Form, Numbering, Visits, WideBvh},
+    hploc::{self, HplocParams},
     layout::{
         self, Layout, LayoutParams, LeafTriangles, NodeLayout, UnitTriangle, binary::Binary,
         compressed::Assignment,
@@ -25,6 +26,16 @@ use tracer::{
     treefile::{self, Made, Recipe},
     validate, with_layout,
 };
+
+/// The clustering in a single launch.
+fn climbing(bits: u32, radius: u32, window: u32) -> BuildParams {
+    BuildParams {
+        method: Method::Hploc,
+        morton: MortonParams { bits },
+        hploc: HplocParams { radius, window },
+        ..BuildParams::default()
+    }
+}
 
 fn params(bits: u32, radius: u32) -> BuildParams {
     BuildParams { morton: MortonParams { bits }, ploc: PlocParams { radius }, ..BuildParams::default() }
@@ -119,7 +130,11 @@ fn check(builder: &Builder, workspace: &BuildWorkspace, triangles: &[Triangle], 
     assert_eq!(workspace.read_bounds().unwrap(), bounds, "{what}: bounds");
     let codes = morton::cpu::codes(triangles, &bounds, &params.morton);
     let order = sort::cpu::order(&codes);
-    let expected = ploc::cpu::build(triangles, &order, bounds.scale(), &params.ploc);
+    let expected = match params.method {
+        Method::Ploc => ploc::cpu::build(triangles, &order, bounds.scale(), &params.ploc),
+        Method::Hploc => hploc::cpu::build(triangles, &codes, &order, bounds.scale(), &params.hploc),
+        Method::Sbvh | Method::Midpoint => unreachable!("it is not built on the device"),
+    };
     let read = Collapsed::read(workspace, triangles);
     assert_eq!(validate::bvh2(&read.tree, triangles), Ok(()), "{what}");
     assert_eq!(read.tree.levels, expected.levels, "{what}: levels");
@@ -185,6 +200,45 @@ fn every_small_number_of_triangles_makes_a_tree() {
     for n in [1, 2, 3, 17, 64] {
         for (what, triangles) in awkward(n) {
             check(&triangles, &format!("{n} {what}"));
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn a_single_launch_makes_trees_of_every_small_number_of_triangles() {
+    let builder = Builder::new(gpu(), &climbing(10, 8, 32), Layout::Binary).unwrap();
+    let workspace = builder.workspace(70).unwrap();
+    let check = |triangles: &[Triangle], what: &str| {
+        check(&builder, &workspace, triangles, what);
+        check_other_layouts(&workspace, triangles, what);
+    };
+    for n in 1..=70 {
+        check(&scattered(n, 10.0, 1.0), &format!("{n} scattered"));
+    }
+    for n in [1, 2, 3, 17, 64] {
+        for (what, triangles) in awkward(n) {
+            check(&triangles, &format!("{n} {what}"));
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn a_single_launch_makes_trees_whatever_the_scene_and_the_window() {
+    for (bits, radius, window) in
+        [(10, 8, 32), (21, 16, 32), (11, 3, 4), (1, 1, 8), (16, 64, 64), (10, 5, 18)]
+    {
+        let builder = Builder::new(gpu(), &climbing(bits, radius, window), Layout::Binary).unwrap();
+        let workspace = builder.workspace(20_000).unwrap();
+        let scenes = [700, 3000].into_iter().flat_map(awkward).map(|(what, t)| (what.to_owned(), t));
+        let sizes = [255, 256, 257, 1025, 20_000].map(|n| (format!("{n} of a terrain"), terrain(n)));
+        for (what, triangles) in scenes.chain(sizes) {
+            let what = format!("{what}, {bits} bits, radius {radius}, window {window}");
+            check(&builder, &workspace, &triangles, &what);
+            if window == 32 {
+                check_other_layouts(&workspace, &triangles, &what);
+            }
         }
     }
     assert_silent();

@@ -19,7 +19,7 @@ use tracer::{
         Wavefront, phong,
     },
     scene::{self as scenes, Light, Material, Phong, Scene, SearchPath, Sky, View},
-    traverse::{self, Counting, Hit, Ray, Traversal, Tree, TriangleTest},
+    traverse::{self, Counting, Counts, Hit, Ray, Traversal, Tree, TriangleTest},
 };
 
 type Point = [f32; 3];
@@ -467,6 +467,19 @@ fn each_wavefront_has_a_utilization_of_its_own() {
                 [wave.nodes, wave.triangles, wave.rays],
                 "{wave:?}"
             );
+        }
+        // What primary rays cost pixel by pixel is as much as they cost together, but for what depends on when a lane of a
+        // subgroup gets to its next triangle.
+        let costs = tracer.primary_costs(traversal(tree, Counting::Rays), tree, &camera, sample).unwrap();
+        assert_eq!(costs.len(), PIXELS);
+        let sum = |of: fn(&Counts) -> u32| costs.iter().map(|c| u64::from(of(c))).sum::<u64>();
+        let primary = &waves[0];
+        for (apart, together) in [
+            (sum(|c| c.nodes), primary.nodes),
+            (sum(|c| c.boxes), primary.boxes),
+            (sum(|c| c.triangles), primary.triangles),
+        ] {
+            assert!(apart.abs_diff(together) * 200 < together, "{apart} is not {together}");
         }
     }
     assert_silent();

@@ -18,9 +18,7 @@ layout(push_constant, scalar) uniform Push {
     Levels levels;
     Subtrees subtrees;
     SceneBounds bounds;
-    float traversal_cost;
-    float intersection_cost;
-    uint max_leaf;
+    Costs costs;
     uint level;  // see upwards.glsl
 };
 
@@ -33,25 +31,16 @@ Subtree subtree_of(uint node, uint leaves, float scale) {
     if (node >= leaves) {
         return unpack_subtree(subtrees.v[node - leaves]);
     }
-    precise float cost = intersection_cost * area_of(nodes.v[node], scale);
-    return Subtree(cost, 1, 0, 0);
+    return lone_triangle(area_of(nodes.v[node], scale), costs);
 }
 
 void visit(uint index, uint leaves, float scale) {
     Bvh2Node node = nodes.v[index];
-    float area = area_of(node, scale);
     Subtree l = subtree_of(node.lo_left.w, leaves, scale);
     Subtree r = subtree_of(node.hi_right.w, leaves, scale);
-    uint triangles = l.triangles + r.triangles;
-    precise float as_inner = traversal_cost * area + (l.cost + r.cost);
-    precise float as_leaf = intersection_cost * area * float(triangles);
-    Subtree result = Subtree(as_inner, triangles, 1 + l.inner + r.inner, 1 + max(l.height, r.height));
-    // The root stays: layouts keep a child's box in its parent, so there has to be one.
     bool root = index == 2 * leaves - 2;
-    if (triangles <= max_leaf && (BY_SIZE != 0 || as_leaf <= as_inner) && !root) {
-        result = Subtree(as_leaf, triangles, 0, 0);
-    }
-    subtrees.v[index - leaves] = pack_subtree(result);
+    uvec4 decided = pack_subtree(join_subtrees(l, r, area_of(node, scale), root, BY_SIZE != 0, costs));
+    subtrees.v[index - leaves] = decided;
 }
 
 #include "upwards.glsl"

@@ -57,12 +57,15 @@ pub struct Subtree {
     /// Inner nodes below it and itself, after the collapse; 0 if it became a leaf.
     pub inner: u32,
     /// Inner nodes on the longest way down, itself included; 0 if it became a leaf.
-    pub height: u32,
+    pub height: u16,
+    /// The same before the collapse: a leaf of one triangle has 0, its parent 1 or more.
+    pub levels: u16,
 }
 
 const _: () = {
     assert!(size_of::<Subtree>() == 16 && offset_of!(Subtree, triangles) == 4);
     assert!(offset_of!(Subtree, inner) == 8 && offset_of!(Subtree, height) == 12);
+    assert!(offset_of!(Subtree, levels) == 14);
     assert!(MAX_TRIANGLES <= 1 << 27);
 };
 
@@ -70,7 +73,7 @@ const _: () = {
 #[derive(Debug)]
 pub struct Collapse {
     kernel: Upwards,
-    params: CollapseParams,
+    costs: Costs,
 }
 
 #[repr(C)]
@@ -80,10 +83,25 @@ struct Push {
     levels: u64,
     subtrees: u64,
     bounds: u64,
-    traversal_cost: f32,
-    intersection_cost: f32,
-    max_leaf: u32,
+    costs: Costs,
     level: u32,
+}
+
+/// The same as the parameters but for `by_size`, as `Costs` in `collapse.glsl` has them.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct Costs {
+    pub traversal: f32,
+    pub intersection: f32,
+    pub max_leaf: u32,
+}
+
+impl From<&CollapseParams> for Costs {
+    fn from(params: &CollapseParams) -> Self {
+        let &CollapseParams { traversal_cost, intersection_cost, max_leaf, by_size: _ } = params;
+        assert!((1..=16).contains(&max_leaf), "a leaf has 1 to 16 triangles, not {max_leaf}");
+        Self { traversal: traversal_cost, intersection: intersection_cost, max_leaf }
+    }
 }
 
 impl Collapse {
@@ -95,9 +113,8 @@ impl Collapse {
     /// # Panics
     /// `max_leaf` is not in 1 to 16.
     pub fn new(gpu: &Gpu, params: &CollapseParams) -> Result<Self, Error> {
-        assert!((1..=16).contains(&params.max_leaf), "a leaf has 1 to 16 triangles, not {}", params.max_leaf);
         let kernel = Upwards::new(gpu, &shaders::COLLAPSE_COLLAPSE, &[params.by_size.into()])?;
-        Ok(Self { kernel, params: params.clone() })
+        Ok(Self { kernel, costs: params.into() })
     }
 
     /// Allocates the subtrees of a tree of `leaves` leaves.
@@ -117,14 +134,12 @@ impl Collapse {
         subtrees: &Buffer,
         large_levels: u32,
     ) {
-        self.kernel.record(pass, tree, large_levels, |level| Push {
+        self.kernel.record(pass, &tree.levels, large_levels, |level| Push {
             nodes: tree.nodes.address(),
             levels: tree.levels.address(),
             subtrees: subtrees.address(),
             bounds: bounds.address(),
-            traversal_cost: self.params.traversal_cost,
-            intersection_cost: self.params.intersection_cost,
-            max_leaf: self.params.max_leaf,
+            costs: self.costs,
             level,
         });
     }
@@ -140,9 +155,7 @@ mod tests {
         Module::read(&shaders::COLLAPSE_COLLAPSE)
             .assert_push_constants(
                 size_of::<Push>(),
-                &fields!(
-                    Push: nodes, levels, subtrees, bounds, traversal_cost, intersection_cost, max_leaf, level
-                ),
+                &fields!(Push: nodes, levels, subtrees, bounds, costs, level),
             )
             .assert_items("Subtrees", size_of::<Subtree>(), None)
             .assert_specialization(1, "BY_SIZE");

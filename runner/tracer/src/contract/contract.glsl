@@ -170,7 +170,7 @@ void contract(bool active_, uint index, uint from) {
                 [[unroll]] for (uint side = 0; side < 2; side++) {
                     uint child = pair[side];
                     Box b = bvh2_box(nodes.v[child]);
-                    Subtree s = Subtree(0.0, 1, 0, 0);
+                    Subtree s = Subtree(0.0, 1, 0, 0, 0);
                     uint visited = 0;
                     if (child >= leaves) {
                         s = unpack_subtree(subtrees.v[child - leaves]);

@@ -34,7 +34,7 @@ pub fn contract(
     }
     let subtree = |node: u32| match (node as usize).checked_sub(tree.leaves) {
         Some(inner) => subtrees[inner],
-        None => Subtree { cost: 0.0, triangles: 1, inner: 0, height: 0 },
+        None => Subtree { cost: 0.0, triangles: 1, inner: 0, height: 0, levels: 0 },
     };
     let plans = match params.method {
         Contraction::Optimal => optimal::cpu::plan(tree, subtrees, scale, arity, &params.costs()),

@@ -207,7 +207,7 @@ impl Gpu {
 }
 
 /// A mapped, coherent buffer that the host reads and writes.
-struct Staging {
+pub(super) struct Staging {
     gpu: Gpu,
     handle: vk::Buffer,
     memory: vk::DeviceMemory,
@@ -215,7 +215,17 @@ struct Staging {
 }
 
 impl Staging {
-    fn new(gpu: &Gpu, bytes: u64) -> Result<Self, Error> {
+    /// Vulkan's handle.
+    pub(super) fn handle(&self) -> vk::Buffer {
+        self.handle
+    }
+
+    /// Its first byte; it stays where it is until it is dropped.
+    pub(super) fn mapped(&self) -> *mut u8 {
+        self.mapped
+    }
+
+    pub(super) fn new(gpu: &Gpu, bytes: u64) -> Result<Self, Error> {
         let usage = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let coherent = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
         // Cached memory makes reading back many times faster; Vulkan promises only the coherent kind.

@@ -2,9 +2,11 @@ use super::{
     Error,
     error::Context,
     pass::Timing,
+    present,
     ray_tracing::{RAY_TRACING, RayTracing, TRACE_INDIRECT},
 };
 use ash::{ext, khr, vk};
+use raw_window_handle::{HandleError, HasDisplayHandle, RawDisplayHandle};
 use std::{
     collections::HashMap,
     ffi::{CStr, CString, c_void},
@@ -188,6 +190,9 @@ pub(super) struct Inner {
     pub memory: vk::PhysicalDeviceMemoryProperties,
     pub executable: Option<khr::pipeline_executable_properties::Device>,
     pub ray_tracing: Option<RayTracing>,
+    /// Whether swapchains can be made.
+    pub presents: bool,
+    pub physical: vk::PhysicalDevice,
     pub full_subgroups: bool,
     pub tick: Timing,
     /// What has been compiled.
@@ -208,19 +213,30 @@ struct Instance {
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     /// Reached by the messenger's callback through a raw pointer, so it must outlive it.
     _messages: Arc<Mutex<Vec<String>>>,
-    _entry: ash::Entry,
+    entry: ash::Entry,
+}
+
+impl Inner {
+    /// What surfaces are made of; neither outlives `self`.
+    pub(super) fn vulkan(&self) -> (&ash::Entry, &ash::Instance) {
+        (&self.instance.entry, &self.instance.instance)
+    }
 }
 
 impl Instance {
-    fn new(validate: bool) -> Result<Self, Error> {
+    /// For windows of a display, if one is given.
+    fn new(validate: bool, display: Option<RawDisplayHandle>) -> Result<Self, Error> {
         // SAFETY: loading the system's Vulkan loader runs its initializers, which are sound by the
-        // loader's contract; the library stays loaded as long as `_entry`.
+        // loader's contract; the library stays loaded as long as `entry`.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoLoader(e.to_string()))?;
         let messages: Arc<Mutex<Vec<String>>> = Arc::default();
         let app =
             vk::ApplicationInfo::default().application_name(c"broadleaf").api_version(vk::API_VERSION_1_3);
         let mut layers = Vec::new();
         let mut extensions = Vec::new();
+        if let Some(display) = display {
+            extensions.extend(present::instance_extensions(&entry, display)?.into_iter().map(CStr::as_ptr));
+        }
         let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
         let mut messenger_info = messenger_info(&messages);
@@ -254,7 +270,7 @@ impl Instance {
         } else {
             None
         };
-        Ok(Self { instance, messenger, _messages: messages, _entry: entry })
+        Ok(Self { instance, messenger, _messages: messages, entry })
     }
 
     fn physical(&self) -> Result<Vec<vk::PhysicalDevice>, Error> {
@@ -317,7 +333,7 @@ unsafe extern "system" fn on_message(
 /// # Errors
 /// No loader, or no driver.
 pub fn devices() -> Result<Vec<DeviceInfo>, Error> {
-    let instance = Instance::new(false)?;
+    let instance = Instance::new(false, None)?;
     let all = instance.physical()?;
     Ok(all.iter().enumerate().map(|(i, &p)| described(&instance.instance, p, i)).collect())
 }
@@ -535,7 +551,20 @@ impl Gpu {
     /// # Errors
     /// No loader, no driver, no device of that name, or one that lacks what the kernels need.
     pub fn open(options: &Options) -> Result<Self, Error> {
-        let instance = Instance::new(options.validate)?;
+        Self::open_with(options, None)
+    }
+
+    /// Opens a device that can show pictures in windows of a display ([`super::Presenter`]).
+    ///
+    /// # Errors
+    /// As of [`Gpu::open`]; or the device cannot.
+    pub fn open_for_display(options: &Options, display: impl HasDisplayHandle) -> Result<Self, Error> {
+        let no = |e: HandleError| Error::NoPresentation { device: "Vulkan".into(), reason: e.to_string() };
+        Self::open_with(options, Some(display.display_handle().map_err(no)?.as_raw()))
+    }
+
+    fn open_with(options: &Options, display: Option<RawDisplayHandle>) -> Result<Self, Error> {
+        let instance = Instance::new(options.validate, display)?;
         let physical = instance.physical()?;
         let infos: Vec<_> =
             physical.iter().enumerate().map(|(i, &p)| described(&instance.instance, p, i)).collect();
@@ -595,6 +624,18 @@ impl Gpu {
             extensions.extend(RayTracing::EXTENSIONS.map(Into::into));
             info2 = info2.push_next(&mut structures).push_next(&mut ray_pipelines);
         }
+        if display.is_some() {
+            // SAFETY: `physical` belongs to this live instance.
+            let there = unsafe { instance.instance.enumerate_device_extension_properties(physical) }
+                .context("listing the device's extensions")?;
+            if !there.iter().any(|e| e.extension_name_as_c_str() == Ok(khr::swapchain::NAME)) {
+                return Err(Error::NoPresentation {
+                    device: info.name,
+                    reason: "it has no VK_KHR_swapchain".into(),
+                });
+            }
+            extensions.push(khr::swapchain::NAME.into());
+        }
         let names: Vec<_> = extensions.iter().map(|e| e.as_ptr()).collect();
         let create = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
@@ -635,6 +676,8 @@ impl Gpu {
                 memory,
                 executable,
                 ray_tracing,
+                presents: display.is_some(),
+                physical,
                 full_subgroups,
                 tick,
                 pipelines: Mutex::default(),

@@ -40,6 +40,16 @@ pub enum Error {
         /// What it lacks, in Vulkan's terms.
         missing: String,
     },
+    /// There is no way from the device to a window.
+    #[error(
+        "{device} cannot show pictures in this window: {reason}; choose another with --device, or leave the window out: runner render"
+    )]
+    NoPresentation {
+        /// The device's name.
+        device: String,
+        /// What is in the way.
+        reason: String,
+    },
     /// The validation layer was asked for and is not installed.
     #[error(
         "the validation layer VK_LAYER_KHRONOS_validation is not installed; run scripts/setup, install vulkan-validationlayers, or leave out --validate"

@@ -1,5 +1,5 @@
-//! Vulkan without a window: a device, its buffers, compute kernels, the driver's own ray tracing, and passes with
-//! timestamps.
+//! Vulkan: a device, its buffers, compute kernels, the driver's own ray tracing, passes with timestamps, and where
+//! somebody looks on, pictures in a window.
 //!
 //! Knows nothing of BVHs. Every buffer is reached by its device address, handed to kernels in push
 //! constants, so there are no descriptor sets; a kernel's arguments are one plain struct.
@@ -12,6 +12,7 @@ pub(crate) mod interface;
 mod kernel;
 mod occupancy;
 mod pass;
+mod present;
 mod ray_tracing;
 mod resources;
 
@@ -21,6 +22,7 @@ pub use error::Error;
 pub use kernel::{Kernel, Statistic};
 pub use occupancy::{Limit, MultiprocessorLimits, Occupancy, UnknownLimits};
 pub use pass::{Pass, Span, Timings};
+pub use present::Presenter;
 pub use ray_tracing::{
     AccelerationStructure, BuildSizes, CompactedSize, Geometry, Instance, Launch, Prefer, RAY_TRACING,
     RayPipeline, Recipe, TRACE_INDIRECT,

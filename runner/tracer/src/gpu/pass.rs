@@ -40,9 +40,17 @@ pub struct Span {
 pub struct Timings {
     /// All spans.
     pub spans: Vec<Span>,
+    /// Kernels launched, fills and copies, whether they had anything to do or not.
+    pub launches: u32,
 }
 
 impl Timings {
+    /// Appends those of a later pass.
+    pub fn extend(&mut self, later: Self) {
+        self.spans.extend(later.spans);
+        self.launches += later.launches;
+    }
+
     /// Milliseconds of all spans with exactly this path.
     pub fn milliseconds(&self, path: &str) -> f64 {
         self.spans.iter().filter(|s| s.path == path).map(|s| s.milliseconds).sum()
@@ -63,6 +71,7 @@ pub struct Pass {
     path: Vec<String>,
     used: u32,
     time_dispatches: bool,
+    launches: u32,
     /// Whether the driver traces rays or builds structures in it, whose stages barriers have to name as well.
     traces_rays: bool,
     failed: Option<Error>,
@@ -85,6 +94,7 @@ impl Pass {
             path: Vec::new(),
             used: 0,
             time_dispatches: true,
+            launches: 0,
             traces_rays: false,
             failed: None,
         };
@@ -223,7 +233,9 @@ impl Pass {
         unsafe { self.gpu.inner.device.cmd_copy_buffer(self.commands, from, to, &[region]) };
     }
 
+    /// Stands before each command that is launched.
     fn barrier(&mut self) {
+        self.launches += 1;
         let mut stages = vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::ALL_TRANSFER;
         let mut written = vk::AccessFlags2::SHADER_WRITE | vk::AccessFlags2::TRANSFER_WRITE;
         let mut read = vk::AccessFlags2::SHADER_READ
@@ -325,7 +337,7 @@ impl Pass {
                 milliseconds: inner.tick.milliseconds(ticks[begin as usize], ticks[end as usize]),
             })
             .collect();
-        Ok(Timings { spans })
+        Ok(Timings { spans, launches: self.launches })
     }
 }
 

@@ -10,6 +10,10 @@
 
 // Stores the nodes of a wide tree as a layout wants them, an invocation a node. How one is stored is in the
 // layout's own `encode.glsl`.
+//
+// Nodes that stay in their order are first put into shared memory: a workgroup's nodes are one piece of memory, which
+// neighbouring invocations then write word by word. A compressed node has a place of its own, and the children of a node of
+// `Direct` and `Reduced`, which are what is stored there, are not beside those of the next one.
 
 layout(local_size_x_id = 0) in;
 // Bytes from one node to the next.
@@ -39,11 +43,16 @@ struct WideNode {
     uint size[ARITY];   // triangles of a leaf less one, 0 for a node
 };
 
-// What stands in an absent slot: a point at infinity, which every slab test misses, whichever way the ray
-// goes, while a box with lo > hi would be hit by those that sort the two planes.
+// What stands in an absent slot, for every slab test to miss, whichever way the ray goes: a box without inside for those
+// that know from the ray's signs which plane is met first, and a point at infinity for those that sort the two.
 Box absent() {
+#if defined(LAYOUT_BINARY)
+    vec3 largest = vec3(uintBitsToFloat(0x7f7fffff));
+    return Box(largest, -largest);
+#else
     vec3 infinity = vec3(uintBitsToFloat(0x7f800000));
     return Box(infinity, infinity);
+#endif
 }
 
 // See layout/binary/mod.rs.
@@ -61,47 +70,74 @@ uint child_code(WideNode node, uint slot, inout uint next_node, inout uint next_
 
 #if defined(LAYOUT_COMPRESSED)
 #include "layout/compressed/encode.glsl"
-#elif defined(LAYOUT_QUANTIZED)
-#include "layout/quantized/encode.glsl"
-#elif defined(LAYOUT_WIDE)
-#include "layout/wide/encode.glsl"
 #elif defined(LAYOUT_DIRECT)
 #include "layout/direct/encode.glsl"
 #elif defined(LAYOUT_REDUCED)
 #include "layout/reduced/encode.glsl"
 #else
+#define STAGED
+// Words of a node, which may be followed by others up to the next one.
+#if defined(LAYOUT_QUANTIZED)
+const uint NODE_WORDS = 7 + ARITY + ARITY / 2;
+#elif defined(LAYOUT_WIDE)
+const uint NODE_WORDS = 7 * ARITY + 2;
+#else
+const uint NODE_WORDS = 14;
+#endif
+// An odd distance lets lanes write to different banks.
+const uint PITCH = NODE_WORDS | 1;
+shared uint staged[PITCH * gl_WorkGroupSize.x];
+#if defined(LAYOUT_QUANTIZED)
+#include "layout/quantized/encode.glsl"
+#elif defined(LAYOUT_WIDE)
+#include "layout/wide/encode.glsl"
+#else
 #include "layout/binary/encode.glsl"
+#endif
 #endif
 
 void main() {
     uint count = wide_complete(progress) ? progress.nodes : 0;
     uint stride = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
-    for (uint i = gl_GlobalInvocationID.x; i < count; i += stride) {
-        uint at = (WIDE_HEADER + ARITY) * i;
-        WideNode node;
-        node.first_node = wide.v[at + 0];
-        node.first_triangle = wide.v[at + 1];
-        uint counts = wide.v[at + 2];
-        node.children = counts >> 4;
-        node.leaves = counts & 15;
-        node.triangles = wide.v[at + 3];
-        Box box[ARITY];
-        [[unroll]] for (uint slot = 0; slot < ARITY; slot++) {
-            box[slot] = absent();
-            if (slot < node.children) {
-                uint word = wide.v[at + WIDE_HEADER + slot];
-                node.child[slot] = word & WIDE_CHILD_MASK;
-                node.size[slot] = word >> WIDE_COUNT_SHIFT;
-                box[slot] = bvh2_box(nodes.v[node.child[slot]]);
+    for (uint first = gl_WorkGroupID.x * gl_WorkGroupSize.x; first < count; first += stride) {
+        uint i = first + gl_LocalInvocationIndex;
+        if (i < count) {
+            uint at = (WIDE_HEADER + ARITY) * i;
+            WideNode node;
+            node.first_node = wide.v[at + 0];
+            node.first_triangle = wide.v[at + 1];
+            uint counts = wide.v[at + 2];
+            node.children = counts >> 4;
+            node.leaves = counts & 15;
+            node.triangles = wide.v[at + 3];
+            Box box[ARITY];
+            [[unroll]] for (uint slot = 0; slot < ARITY; slot++) {
+                box[slot] = absent();
+                if (slot < node.children) {
+                    uint word = wide.v[at + WIDE_HEADER + slot];
+                    node.child[slot] = word & WIDE_CHILD_MASK;
+                    node.size[slot] = word >> WIDE_COUNT_SHIFT;
+                    box[slot] = bvh2_box(nodes.v[node.child[slot]]);
+                }
             }
-        }
 #if defined(LAYOUT_COMPRESSED)
-        Arranged own = arranged.v[i];
-        encode(Words(uint64_t(nodes_out) + uint64_t(own.place) * STRIDE), node, box, own.slots);
+            Arranged own = arranged.v[i];
+            encode(Words(uint64_t(nodes_out) + uint64_t(own.place) * STRIDE), node, box, own.slots);
 #elif defined(LAYOUT_DIRECT) || defined(LAYOUT_REDUCED)
-        encode(uint64_t(nodes_out), i, node, box);
+            encode(uint64_t(nodes_out), i, node, box);
 #else
-        encode(Words(uint64_t(nodes_out) + uint64_t(i) * STRIDE), node, box);
+            encode(PITCH * gl_LocalInvocationIndex, node, box);
+#endif
+        }
+#if defined(STAGED)
+        barrier();
+        uint words = NODE_WORDS * min(gl_WorkGroupSize.x, count - first);
+        Words to = Words(uint64_t(nodes_out) + uint64_t(first) * STRIDE);
+        for (uint word = gl_LocalInvocationIndex; word < words; word += gl_WorkGroupSize.x) {
+            uint node = word / NODE_WORDS, at = word % NODE_WORDS;
+            to.v[STRIDE / 4 * node + at] = staged[PITCH * node + at];
+        }
+        barrier();
 #endif
     }
 }

@@ -8,7 +8,7 @@
 use crate::{
     bvh2::{Aabb, Bvh2Buffers, Triangle},
     contract::WideBuffers,
-    gpu::{Buffer, Error, Gpu, Kernel, Pass, groups, shaders},
+    gpu::{self, Buffer, Error, Gpu, Kernel, Pass, shaders},
     traverse::TriangleTest,
 };
 use bytemuck::{Pod, Zeroable};
@@ -348,6 +348,9 @@ pub struct Encode {
 
 const WORKGROUP: u32 = 128;
 
+/// Fewer, where nodes are put together in shared memory: 232 bytes each at most.
+const ENCODING_WORKGROUP: u32 = 64;
+
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct ArrangePush {
@@ -406,6 +409,7 @@ impl Encode {
         assert!([4, 8, 16].contains(&params.align), "nodes are aligned to 4, 8 or 16 bytes");
         assert!((4..=8).contains(&params.bits), "planes have 4 to 8 bits");
         let size = WORKGROUP.min(gpu.info().max_workgroup_size);
+        let encoding = ENCODING_WORKGROUP.min(size);
         let stride = layout.stride(params);
         let arrange = match layout {
             Layout::Compressed8 => Some(Kernel::new(
@@ -422,7 +426,7 @@ impl Encode {
         };
         Ok(Self {
             arrange,
-            nodes: Kernel::new(gpu, shaders::layout_encode(layout), size, &[stride as u32, params.bits])?,
+            nodes: Kernel::new(gpu, shaders::layout_encode(layout), encoding, &[stride as u32, params.bits])?,
             triangles: Kernel::new(gpu, &shaders::LAYOUT_TRIANGLES, size, &[test.takes_maps().into()])?,
             layout,
             stride,
@@ -457,7 +461,7 @@ impl Encode {
     pub fn record(&self, pass: &mut Pass, input: &Input<'_>, to: &LayoutBuffers) {
         let Input { tree, wide, triangles, count } = *input;
         // Most of these workgroups find nothing to do, which costs less than another indirect dispatch.
-        let groups = groups(wide.capacity(), WORKGROUP).min(MOST_GROUPS);
+        let groups = |kernel: &Kernel| gpu::groups(wide.capacity(), kernel.workgroup_size()).min(MOST_GROUPS);
         let arranged = to.arranged.as_ref().map_or(0, Buffer::address);
         if let (Layout::Reduced, Some(arrange)) = (self.layout, &self.arrange) {
             for first in (0..wide.capacity() as u32).step_by(ARRANGED_AT_ONCE as usize) {
@@ -472,7 +476,7 @@ impl Encode {
                 progress: wide.progress.address(),
                 arranged,
             };
-            pass.dispatch("arrange", arrange, &push, groups);
+            pass.dispatch("arrange", arrange, &push, groups(arrange));
         }
         let push = EncodePush {
             nodes: tree.nodes.address(),
@@ -481,7 +485,7 @@ impl Encode {
             nodes_out: to.nodes.address(),
             arranged,
         };
-        pass.dispatch("nodes", &self.nodes, &push, groups);
+        pass.dispatch("nodes", &self.nodes, &push, groups(&self.nodes));
         let push = TrianglesPush {
             nodes: tree.nodes.address(),
             wide: wide.nodes().address(),
@@ -492,6 +496,8 @@ impl Encode {
             leaves: u32::try_from(count).expect("at most MAX_TRIANGLES"),
             arity: self.layout.arity() as u32,
         };
+        let leaves = self.layout.arity() * wide.capacity();
+        let groups = gpu::groups(leaves, self.triangles.workgroup_size()).min(MOST_GROUPS);
         pass.dispatch("triangles", &self.triangles, &push, groups);
     }
 }

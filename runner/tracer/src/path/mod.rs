@@ -584,6 +584,34 @@ impl<'s> PathTracer<'s> {
         })
     }
 
+    /// Traces one primary ray a pixel with a counting traversal, and says what the ray of each pixel cost, row by row from
+    /// the top.
+    ///
+    /// # Errors
+    /// The device was lost, or its driver ended a loop.
+    ///
+    /// # Panics
+    /// The tracer was made without counters.
+    pub fn primary_costs(
+        &self,
+        traversal: &Traversal,
+        tree: &Tree,
+        camera: &Camera,
+        sample: u32,
+    ) -> Result<Vec<Counts>, Error> {
+        let counting = self.counting.as_ref().expect("the tracer was made for counting");
+        let mut costs = vec![Counts::zeroed(); self.pixels()];
+        self.each_depth(traversal, tree, camera, sample, |_, rays| {
+            let paths: Vec<PathState> = self.paths[0].read(0, rays)?;
+            let counts: Vec<Counts> = counting.counts.read(0, rays)?;
+            for (path, counts) in paths.iter().zip(counts) {
+                costs[path.pixel as usize] = counts;
+            }
+            Ok(false)
+        })?;
+        Ok(costs)
+    }
+
     /// Traces one path a pixel, a submission a depth, and calls `look` with the depth and its number of
     /// rays while their buffers hold them, until it returns false or no rays are left.
     fn each_depth(

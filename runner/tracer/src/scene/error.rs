@@ -71,6 +71,15 @@ pub enum SceneError {
         source: std::io::Error,
     },
 
+    /// A file could not be written; what was there before still is.
+    #[error("cannot write {path}: {source}. Check its folder and the permissions")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+
     /// A model file is damaged, cut short, or breaks the rules of its format.
     #[error(
         "{path} cannot be used: {reason}. The file may be damaged or cut short; fetch or export it again"

@@ -87,7 +87,8 @@ const SCENES: [&str; 5] = ["glb", "gltf", "obj", "toml", "json"];
 /// Those of them that hold nothing but a model.
 const MODELS: [&str; 3] = ["glb", "gltf", "obj"];
 
-fn is_path(spec: &str) -> bool {
+/// Whether a spec is a path to a file, and no name.
+pub(super) fn is_path(spec: &str) -> bool {
     SCENES.contains(&extension(Path::new(spec)).as_str())
         || spec.contains('/')
         || spec.contains(std::path::MAIN_SEPARATOR)

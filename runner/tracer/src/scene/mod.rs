@@ -17,6 +17,7 @@ mod descriptor;
 mod error;
 mod generate;
 mod gltf;
+mod keep;
 #[cfg(test)]
 mod light_tests;
 mod load;
@@ -32,6 +33,7 @@ pub use compose::{CameraPath, MOST_VIEWS, Model, Surface};
 pub use descriptor::{Descriptor, Emissive, MaterialKey, Region, Source};
 pub use error::SceneError;
 pub use generate::Generator;
+pub use keep::keep_view;
 pub(crate) use load::hex;
 pub use load::{Inspected, check, describe, inspect, load, sha256};
 pub use search::{ENVIRONMENT, SearchPath};

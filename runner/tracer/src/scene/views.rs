@@ -8,7 +8,7 @@
 
 use std::collections::HashSet;
 use std::f32::consts::{PI, TAU};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -27,9 +27,14 @@ const TURNS: u32 = 6;
 /// Directions in which the surroundings of a point are felt.
 const SIDES: u32 = 32;
 
-/// Reads `NAME.views.json` beside the model `NAME.…`, if there is one.
+/// `NAME.views.json` beside the model `NAME.…`.
+pub(super) fn file_beside(model: &Path) -> PathBuf {
+    model.with_extension("views.json")
+}
+
+/// Reads the views beside a model, if there are any.
 pub(super) fn beside(model: &Path) -> Result<Option<Vec<View>>, SceneError> {
-    let path = model.with_extension("views.json");
+    let path = file_beside(model);
     let text = match std::fs::read(&path) {
         Ok(text) => text,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),

@@ -83,10 +83,13 @@ void main() {
     uint first_item = gl_SubgroupID * gl_SubgroupSize * ITEMS + gl_SubgroupInvocationID;
     uint key[ITEMS];
     uint place[ITEMS];
+    // All at once: no load waits for the ranks of the keys before.
     [[unroll]] for (uint j = 0; j < ITEMS; ++j) {
         uint i = first_item + j * gl_SubgroupSize;
-        bool valid = i < tile_count;
-        key[j] = valid ? keys_in.v[(tile + i) * WORDS + word] : 0;
+        key[j] = i < tile_count ? keys_in.v[(tile + i) * WORDS + word] : 0;
+    }
+    [[unroll]] for (uint j = 0; j < ITEMS; ++j) {
+        bool valid = first_item + j * gl_SubgroupSize < tile_count;
         uint digit = digit_of(key[j]);
         uvec4 alike = lanes_alike(digit, valid);
         uint rank = subgroupBallotExclusiveBitCount(alike);

@@ -78,7 +78,7 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     uint leaf = NONE;  // postponed
     vec3 origin;
     float t_min;
-    Slab slab;
+    RaySlab slab;
     Shear shear;
     Hit best;
 

@@ -16,7 +16,7 @@ if (ray == MISS && index < count) {
     Ray r = rays.items[index];
     origin = r.origin;
     t_min = r.t_min;
-    slab = slab_of(r.origin, r.direction, tree.extent, PAD);
+    slab = slab_of_ray(r.origin, r.direction, tree.extent);
     shear = aim(r.direction);
     best = Hit(min(r.t_max, LARGEST), MISS);
 #if defined(LAYOUT_COMPRESSED)

@@ -1,5 +1,27 @@
 // Statements of closest_hit.glsl: a lane at an inner node tests its children, goes on with the nearest, and
 // stacks the others. (A function would have to be handed the stack.)
+#if defined(LAYOUT_BINARY)
+BinaryNode loaded = load_binary(tree.nodes, node);
+if (COUNT == RAYS) {
+    nodes_visited++;
+    boxes_tested += 2;
+}
+if (COUNT == VISITS) {
+    atomicAdd(tree.visits.items[node], 1);
+}
+float t[2];
+bool left = meets(slab, loaded.lo[0], loaded.hi[0], t_min, best.t, t[0]);
+bool right = meets(slab, loaded.lo[1], loaded.hi[1], t_min, best.t, t[1]);
+// (With && on the left of a comparison, some compilers branch.)
+bool right_first = right && t[1] < (left ? t[0] : INFINITY);
+if (left && right) {
+    stack[++top] = right_first ? loaded.child.x : loaded.child.y;
+}
+node = right_first ? loaded.child.y : loaded.child.x;
+if (!left && !right) {
+    node = stack[top--];
+}
+#else
 float t[ARITY];
 uint child[ARITY];
 uint tested;
@@ -19,6 +41,7 @@ order(t, child);
     }
 }
 node = hits_now > 0 ? child[0] : stack[top--];
+#endif
 if (is_leaf(node) && leaf == NONE) {
     leaf = node;
     node = stack[top--];

@@ -116,24 +116,38 @@ pub(crate) fn links(tree: &Bvh2, triangles: usize) -> Result<(), Invalid> {
         require!(level.start == end && level.end >= end, "level {k} is {level:?}, after {end}");
         end = level.end;
     }
-    require!(end as usize == tree.nodes.len(), "levels end at node {end} of {}", tree.nodes.len());
+    let ordered = !tree.levels.is_empty() || leaves == 1;
+    require!(
+        !ordered || end as usize == tree.nodes.len(),
+        "levels end at node {end} of {}",
+        tree.nodes.len()
+    );
     for (i, node) in tree.nodes[..leaves].iter().enumerate() {
         require!(node.right == LEAF, "leaf {i} is not marked as one");
         require!((node.left as usize) < triangles, "leaf {i} holds triangle {} of {triangles}", node.left);
     }
-    let mut has_parent = vec![false; tree.nodes.len()];
     for (k, level) in tree.levels.iter().enumerate() {
         for i in level.clone() {
             let node = tree.nodes[i as usize];
             for child in [node.left, node.right] {
                 require!(child < level.start, "node {i} of level {k} has child {child}");
-                require!(!has_parent[child as usize], "node {child} has two parents");
-                has_parent[child as usize] = true;
             }
         }
     }
-    let orphans = has_parent.iter().filter(|p| !**p).count();
-    require!(orphans == 1 && !has_parent[tree.nodes.len() - 1], "{orphans} nodes have no parent");
+    // Without levels a node could be below itself; but then it is not below the root.
+    let mut reached = vec![false; tree.nodes.len()];
+    let mut todo = vec![tree.nodes.len() as u32 - 1];
+    while let Some(i) = todo.pop() {
+        let Some(seen) = reached.get_mut(i as usize) else {
+            return Err(Invalid(format!("a node has child {i} of {}", tree.nodes.len())));
+        };
+        require!(!std::mem::replace(seen, true), "node {i} has two parents");
+        if i as usize >= leaves {
+            todo.extend([tree.nodes[i as usize].left, tree.nodes[i as usize].right]);
+        }
+    }
+    let orphans = reached.iter().filter(|r| !**r).count();
+    require!(orphans == 0, "{orphans} nodes are not below the root");
     Ok(())
 }
 

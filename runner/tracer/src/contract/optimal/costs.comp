@@ -2,6 +2,7 @@
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_GOOGLE_include_directive : require
 #include "bvh2.glsl"
 #include "collapse.glsl"
@@ -13,12 +14,17 @@
 
 layout(local_size_x_id = 0) in;
 
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Order {
+    uint v[];
+};
+
 layout(push_constant, scalar) uniform Push {
     Bvh2Nodes nodes;
     Levels levels;
     Subtrees subtrees;
     SceneBounds bounds;
     Plans plans;
+    Order order;  // 0 where the tree has levels
     float node_cost;
     float triangle_cost;
     uint max_leaf;
@@ -85,6 +91,11 @@ void visit(uint index, uint leaves, float scale) {
         plans.v[at + roots - 1] = floatBitsToUint(cost);
     }
     plans.v[at + ARITY - 1] = decisions;
+}
+
+#define ORDERED
+uint ordered(uint at, uint leaves) {
+    return uint64_t(order) == 0 ? at : order.v[at - leaves];
 }
 
 #include "upwards.glsl"

@@ -17,8 +17,9 @@ pub struct Plan {
 /// The plan of each inner node; `scale` is the scene's.
 pub fn plan(tree: &Bvh2, subtrees: &[Subtree], scale: f32, arity: usize, costs: &Costs) -> Vec<Plan> {
     let area = |node: u32| tree.nodes[node as usize].bounds().half_area(scale);
-    let mut plans: Vec<Plan> = Vec::with_capacity(tree.leaves - 1);
-    for (index, node) in tree.nodes.iter().enumerate().skip(tree.leaves) {
+    let mut plans = vec![Plan { costs: Vec::new(), left: Vec::new(), leaf: false }; tree.leaves - 1];
+    for index in tree.upwards() {
+        let node = tree.nodes[index as usize];
         // C(child, i).
         let cost = |child: u32, i: usize| match (child as usize).checked_sub(tree.leaves) {
             Some(inner) => plans[inner].costs[i - 1],
@@ -31,8 +32,9 @@ pub fn plan(tree: &Bvh2, subtrees: &[Subtree], scale: f32, arity: usize, costs: 
                 if cost < best.0 { (cost, k) } else { best }
             })
         };
-        let own = area(index as u32);
-        let triangles = subtrees[index - tree.leaves].triangles;
+        let own = area(index);
+        let inner = index as usize - tree.leaves;
+        let triangles = subtrees[inner].triangles;
         let as_inner = distribute(arity).0 + costs.node * own;
         let as_leaf = costs.triangle * own * triangles as f32;
         let leaf = triangles <= costs.max_leaf && as_leaf <= as_inner;
@@ -46,7 +48,7 @@ pub fn plan(tree: &Bvh2, subtrees: &[Subtree], scale: f32, arity: usize, costs: 
             least.push(cost.min(fewer));
         }
         least.truncate(arity - 1);
-        plans.push(Plan { costs: least, left, leaf });
+        plans[inner] = Plan { costs: least, left, leaf };
     }
     plans
 }

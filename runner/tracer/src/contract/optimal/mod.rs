@@ -28,7 +28,7 @@
 use super::Input;
 use crate::{
     gpu::{Buffer, Error, Gpu, Pass, shaders},
-    upwards::Upwards,
+    upwards::{ByHeight, Heights, Upwards},
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -49,8 +49,18 @@ pub struct Costs {
 #[derive(Debug)]
 pub(super) struct Planner {
     kernel: Upwards,
+    heights: Heights,
     arity: usize,
     costs: Costs,
+}
+
+/// What is planned, in device memory.
+#[derive(Debug)]
+pub(super) struct Plans {
+    pub plans: Buffer,
+    /// Of trees without levels.
+    by_height: ByHeight,
+    leaves: usize,
 }
 
 #[repr(C)]
@@ -61,6 +71,7 @@ struct Push {
     subtrees: u64,
     bounds: u64,
     plans: u64,
+    order: u64,
     node_cost: f32,
     triangle_cost: f32,
     max_leaf: u32,
@@ -69,20 +80,31 @@ struct Push {
 
 impl Planner {
     pub fn new(gpu: &Gpu, arity: usize, costs: Costs) -> Result<Self, Error> {
-        Ok(Self { kernel: Upwards::new(gpu, shaders::contract_optimal_costs(arity), &[])?, arity, costs })
+        let kernel = Upwards::new(gpu, shaders::contract_optimal_costs(arity), &[])?;
+        Ok(Self { kernel, heights: Heights::new(gpu)?, arity, costs })
     }
 
     /// Allocates plans for trees of up to `leaves` leaves.
-    pub fn buffer(&self, gpu: &Gpu, leaves: usize) -> Result<Buffer, Error> {
-        gpu.buffer("plans of a contraction", 4 * (self.arity * (leaves - 1)) as u64)
+    pub fn buffers(&self, gpu: &Gpu, leaves: usize) -> Result<Plans, Error> {
+        let plans = gpu.buffer("plans of a contraction", 4 * (self.arity * (leaves - 1)) as u64)?;
+        Ok(Plans { plans, by_height: Heights::buffers(gpu, leaves)?, leaves })
     }
 
     /// Plans for every inner node.
-    pub fn record(&self, pass: &mut Pass, input: &Input<'_>, plans: &Buffer) {
+    pub fn record(&self, pass: &mut Pass, input: &Input<'_>, to: &Plans) {
         let Costs { node, triangle, max_leaf } = self.costs;
-        self.kernel.record(pass, input.tree, input.large_levels, |level| Push {
+        let Plans { plans, by_height, leaves } = to;
+        let (levels, order, large) = match input.large_levels {
+            Some(large) => (&input.tree.levels, 0, large),
+            None => {
+                self.heights.record(pass, input.tree, input.subtrees, *leaves, by_height);
+                (&by_height.levels, by_height.order.address(), Heights::LARGE_LEVELS)
+            }
+        };
+        self.kernel.record(pass, levels, large, |level| Push {
             nodes: input.tree.nodes.address(),
-            levels: input.tree.levels.address(),
+            levels: levels.address(),
+            order,
             subtrees: input.subtrees.address(),
             bounds: input.bounds.address(),
             plans: plans.address(),
@@ -101,8 +123,7 @@ mod tests {
 
     #[test]
     fn shaders_see_arguments_as_the_host_does() {
-        let push =
-            fields!(Push: nodes, levels, subtrees, bounds, plans, node_cost, triangle_cost, max_leaf, level);
+        let push = fields!(Push: nodes, levels, subtrees, bounds, plans, order, node_cost, triangle_cost, max_leaf, level);
         for &arity in crate::permutations::ARITIES {
             Module::read(shaders::contract_optimal_costs(arity))
                 .assert_push_constants(size_of::<Push>(), &push)

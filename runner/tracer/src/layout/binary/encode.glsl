@@ -1,13 +1,13 @@
 // See layout/binary/mod.rs.
 
-void encode(Words to, WideNode node, Box box[2]) {
+void encode(uint to, WideNode node, Box box[2]) {
     uint next_node = node.first_node;
     uint next_triangle = node.first_triangle;
     [[unroll]] for (uint slot = 0; slot < 2; slot++) {
         [[unroll]] for (uint axis = 0; axis < 3; axis++) {
-            to.v[6 * slot + axis] = floatBitsToUint(box[slot].lo[axis]);
-            to.v[6 * slot + 3 + axis] = floatBitsToUint(box[slot].hi[axis]);
+            staged[to + 6 * slot + axis] = floatBitsToUint(box[slot].lo[axis]);
+            staged[to + 6 * slot + 3 + axis] = floatBitsToUint(box[slot].hi[axis]);
         }
-        to.v[12 + slot] = child_code(node, slot, next_node, next_triangle);
+        staged[to + 12 + slot] = child_code(node, slot, next_node, next_triangle);
     }
 }

@@ -15,9 +15,10 @@
 //! '--------- leaf
 //! ```
 //!
-//! An absent child, which only a scene of a single triangle has, has a point at infinity for a
-//! box: every slab test misses it, whichever way the ray goes, while one with lo > hi would be hit by
-//! those that sort the two planes.
+//! An absent child, which only a scene of a single triangle has, has a box without inside, from the
+//! largest number to the least: a slab test that knows from the signs of a ray which plane is met
+//! first misses it, whichever way the ray goes. (A point at infinity, which wide nodes have, would
+//! be multiplied by zero.)
 
 use super::{Child, LayoutParams, Limits, NodeByNode, Target, in_turn};
 use crate::bvh2::{Aabb, MAX_TRIANGLES};
@@ -57,10 +58,10 @@ const FIRST_MASK: u32 = (1 << COUNT_SHIFT) - 1;
 
 /// Two absent children.
 pub const EMPTY_NODE: BinaryNode = BinaryNode {
-    lo0: [f32::INFINITY; 3],
-    hi0: [f32::INFINITY; 3],
-    lo1: [f32::INFINITY; 3],
-    hi1: [f32::INFINITY; 3],
+    lo0: [f32::MAX; 3],
+    hi0: [-f32::MAX; 3],
+    lo1: [f32::MAX; 3],
+    hi1: [-f32::MAX; 3],
     child0: LEAF_BIT,
     child1: LEAF_BIT,
 };
@@ -107,7 +108,7 @@ impl NodeByNode for Binary {
             0 => (node.lo0, node.hi0, node.child0),
             _ => (node.lo1, node.hi1, node.child1),
         };
-        (lo[0] != f32::INFINITY).then_some(Child { bounds: Aabb { lo, hi }, target: target(index) })
+        (lo[0] <= hi[0]).then_some(Child { bounds: Aabb { lo, hi }, target: target(index) })
     }
 
     fn encode(slots: &[Option<Child>], _triangles: u32, _params: &LayoutParams) -> BinaryNode {

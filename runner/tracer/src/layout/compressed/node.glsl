@@ -1,11 +1,24 @@
 // Tests a ray against the children of a node: see layout/compressed/mod.rs.
 #include "load.glsl"
+#include "slab.glsl"
 
 const uint ALIGN = (STRIDE & 15) == 0 ? 16 : ((STRIDE & 7) == 0 ? 8 : 4);
 
 // What a kernel keeps of a ray for this layout. Two more roundings than exact boxes need: that of a node's
 // origin along the ray, and that of what is added to it.
 const float PAD = EXACT_PAD * 1.5;
+struct RaySlab {
+    vec3 inverse;
+    vec3 near;  // added to planes where the ray enters
+    vec3 far;   // and where it leaves
+};
+
+RaySlab slab_of_ray(vec3 origin, vec3 direction, float extent) {
+    Slab slab = slab_of(origin, direction, extent, PAD);
+    SignedSlab by_sign = signed_slab_of(slab);
+    return RaySlab(slab.inverse, by_sign.near, by_sign.far);
+}
+
 // Iterations of the loops in `meet` and in visit.glsl, each with its last, empty one.
 const uint NODE_STEPS = 1 + 2 * 5 + 8 * 9;
 
@@ -56,11 +69,11 @@ vec3 lines_by_logic(uvec3 words, uint k) {
 // Planes are not decoded in space: along an axis of the ray they are crossed at distances
 //     (origin + line * step) * inverse + bias = line * (step * inverse) + (origin * inverse + bias),
 // one fused multiply-add a plane (equations 10 and 11), where `bias` widens the box by the pad.
-uint meet(Compressed c, Slab slab, uint octinv, float t_min, float t_max, out float t[8]) {
+uint meet(Compressed c, RaySlab slab, uint octinv, float t_min, float t_max, out float t[8]) {
     vec3 step_ = uintBitsToFloat(c.exponents << 23) * slab.inverse;
     bvec3 negative = lessThan(slab.inverse, vec3(0.0));
-    vec3 near_bias = fma(c.origin, slab.inverse, mix(slab.lower, slab.upper, negative));
-    vec3 far_bias = fma(c.origin, slab.inverse, mix(slab.upper, slab.lower, negative));
+    vec3 near_bias = fma(c.origin, slab.inverse, slab.near);
+    vec3 far_bias = fma(c.origin, slab.inverse, slab.far);
     // Of lines that are LINE_OFFSET too large. What rounding makes of that is worth 1/512 of a step at most.
     vec3 loss = abs(step_) * 0.00390625;
     vec3 near_bias_of_offset = fma(step_, vec3(-LINE_OFFSET), near_bias) - loss;

@@ -2,7 +2,7 @@
 
 #include "grid.glsl"
 
-void encode(Words to, WideNode node, Box box[ARITY]) {
+void encode(uint to, WideNode node, Box box[ARITY]) {
     Box all = box[0];
     [[unroll]] for (uint slot = 1; slot < ARITY; slot++) {
         if (slot < node.children) {
@@ -25,22 +25,22 @@ void encode(Words to, WideNode node, Box box[ARITY]) {
                 hi[slot][axis] = line_above(grid, box[slot].hi[axis]);
             }
         }
-        to.v[axis] = floatBitsToUint(origin);
+        staged[to + axis] = floatBitsToUint(origin);
     }
-    to.v[3] = exponents | node.leaves << 24 | node.children << 28;
-    to.v[4] = node.first_node;
-    to.v[5] = node.first_triangle;
+    staged[to + 3] = exponents | node.leaves << 24 | node.children << 28;
+    staged[to + 4] = node.first_node;
+    staged[to + 5] = node.first_triangle;
     uint sizes = 0;
     [[unroll]] for (uint slot = 0; slot < ARITY; slot++) {
         if (slot < node.leaves) {
             sizes |= node.size[slot] << (4 * slot);
         }
-        to.v[7 + slot] = lo[slot][0] | hi[slot][0] << 8 | lo[slot][1] << 16 | hi[slot][1] << 24;
+        staged[to + 7 + slot] = lo[slot][0] | hi[slot][0] << 8 | lo[slot][1] << 16 | hi[slot][1] << 24;
     }
-    to.v[6] = sizes;
+    staged[to + 6] = sizes;
     [[unroll]] for (uint pair = 0; pair < ARITY / 2; pair++) {
         uint even = lo[2 * pair][2] | hi[2 * pair][2] << 8;
         uint odd = lo[2 * pair + 1][2] | hi[2 * pair + 1][2] << 8;
-        to.v[7 + ARITY + pair] = even | odd << 16;
+        staged[to + 7 + ARITY + pair] = even | odd << 16;
     }
 }

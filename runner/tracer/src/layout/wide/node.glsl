@@ -5,6 +5,12 @@ const uint ALIGN = (STRIDE & 15) == 0 ? 16 : 8;
 
 // What a kernel keeps of a ray for this layout.
 const float PAD = EXACT_PAD;
+#define RaySlab Slab
+
+RaySlab slab_of_ray(vec3 origin, vec3 direction, float extent) {
+    return slab_of(origin, direction, extent, PAD);
+}
+
 // Iterations of the loops in `meet`, each with its last, empty one.
 const uint MEET_STEPS = ARITY / 2 + 1;
 

@@ -70,7 +70,7 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     uvec2 triangles = uvec2(0);  // to test now
     vec3 origin;
     float t_min;
-    Slab slab;
+    RaySlab slab;
     Shear shear;
     Hit best;
 

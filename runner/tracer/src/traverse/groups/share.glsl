@@ -3,11 +3,14 @@
 // shared memory, then every lane takes one, borrows the ray, and tells the ray's lane of a hit.
 for (;;) {
     uint own = bitCount(triangles.y);
-    uint at = subgroupExclusiveAdd(own);
-    uint all = subgroupMax(at + own);
-    if (all == 0) {
-        break;
+    // A sum over lanes before, spelled out: in a loop, some compilers make one that minds lanes which have left.
+    uint sum = own;
+    [[unroll]] for (uint d = 1; d < gl_SubgroupSize; d *= 2) {
+        uint others = subgroupShuffle(sum, gl_SubgroupInvocationID - d);
+        sum += gl_SubgroupInvocationID >= d ? others : 0;
     }
+    uint at = sum - own;
+    uint all = subgroupShuffle(sum, gl_SubgroupSize - 1);
     steps += 32;  // most triangles of a group, and the rounds below
     // What finds no room waits.
     while (triangles.y != 0 && at < PAIRS) {
@@ -73,5 +76,8 @@ for (;;) {
         // Before pairs and hits are written again.
         subgroupMemoryBarrierShared();
         subgroupBarrier();
+    }
+    if (all <= PAIRS) {
+        break;
     }
 }
