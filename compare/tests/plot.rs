@@ -60,6 +60,26 @@ fn swept() -> Record {
     record
 }
 
+/// The same with nine views of each point, on a circle, and the times of their frames.
+fn circled(record: &Record) -> Record {
+    let mut record = record.clone();
+    for point in &mut record.results {
+        // Some tests leave a point without any.
+        let Some(view) = point.views.first().cloned() else { continue };
+        point.views = (0..9)
+            .map(|at| {
+                let mut view = record::View { name: format!("orbit_{at}"), ..view.clone() };
+                for sample in &mut view.samples {
+                    let traced: f64 = sample.depths.iter().map(|launch| launch.milliseconds).sum();
+                    sample.frame_milliseconds = Some(traced * (1.2 + 0.1 * f64::from(at)));
+                }
+                view
+            })
+            .collect();
+    }
+    record
+}
+
 fn drawn(record: &Record, kind: Kind) -> Vec<Chart> {
     let selection = Selection::new(record);
     match kind {
@@ -72,6 +92,10 @@ fn drawn(record: &Record, kind: Kind) -> Vec<Chart> {
                 }
             }
             records::charts(&selection, &Selection::new(&faster)).charts
+        }
+        Kind::Frames => {
+            let circled = circled(record);
+            charts(&Selection::new(&circled), kind, REFERENCE).charts
         }
         Kind::Roofline => roofline::charts(&selection, &record::example_roofline()).charts,
         kind => charts(&selection, kind, REFERENCE).charts,
@@ -423,6 +447,7 @@ fn points_of_too_few_samples_are_named_below_pictures() {
             Kind::Build => &["build-phases"],
             Kind::Cost => &["cost-quantized"],
             Kind::Roofline => &["roofline-sponza", "roofline-old-town"],
+            Kind::Frames => &["frames-sponza", "frames-old-town"],
             _ => &["samples-sponza", "samples-old-town"],
         };
         assert_eq!(those, expected, "{kind}");

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 /// Builds BVHs on the GPU, traces rays through them, measures both, and writes a benchmark record.
 ///
 /// SCENE is the name of a scene (`runner scenes` lists them), a generator with parameters such as
-/// `city:triangles=1000000,seed=3`, or a path to a GLB, glTF or OBJ file, for which eight views are placed
-/// automatically.
+/// `city:triangles=1000000,seed=3`, or a path: to a GLB, glTF or OBJ file, for which eight views are placed
+/// automatically, to a descriptor in TOML (`runner scene construct` writes them), or to a scene of RTRS in JSON.
 ///
 /// What was asked for goes to stdout, remarks and progress go to stderr. An option that is given twice has its
 /// last value.
@@ -48,9 +48,25 @@ Examples:
   runner run city:triangles=1000000,seed=3 --size 1280x720
   runner run bistro_exterior --set collapse.c_t=3 --set ploc.radius=16
   runner run forest --variant all -o out/all.json
+  runner run forest --bvh out/forest.bvh -o out/forest.json
   runner run sponza --variant 'Wide8*' --method replay -o out/bounces.json
   runner run sponza --variant Binary --variant Driver --set driver.build=fast-build -o out/driver.json
   runner run city --variant 'Wide4*' --set cbtc.threshold=16 --set cbtc.subsampling=100";
+
+const PRECOMPUTE_EXAMPLES: &str = "\
+Examples:
+  runner bvh precompute sphereflake -o out/s.bvh
+  runner bvh precompute sponza --build sbvh --set sbvh.alpha=1e-4 -o out/sponza.bvh
+  runner run sponza --bvh out/sponza.bvh --variant 'Wide8*' -o out/sponza.json";
+
+const CONSTRUCT_EXAMPLES: &str = "\
+Examples:
+  runner scene construct --model meshes/teapot.obj 0 --material 0.4 0.4 0.3 0.6 0.3 0.1 50 \\
+    --light 20 20 20 1.5 --camera-pos 8 4 8 0 1 0 --camera-orbit --out out/tea.toml
+  runner scene construct --name pair --camera-pos 0 2 9 0 1 0 \\
+    --material 0.4 0.4 0.3 0.6 0.3 0.1 50 --material 0.3 0.1 0.1 0.9 0.1 0 10 \\
+    --model a.glb 0 --translate -3 0 0 --model b.obj 1 --scale 2 2 2 --rotate 0 45 0 --translate 3 0 0
+  runner render out/tea.toml --view orbit_3 -o out/tea.png";
 
 const SWEEP_EXAMPLES: &str = "\
 Examples:
@@ -136,9 +152,15 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Make scenes of your own
+    #[command(subcommand)]
+    Scene(SceneCommand),
     /// Measure: build each scene's BVH, trace paths from its views, print a table, write a record
     #[command(after_help = RUN_EXAMPLES)]
     Run(Run),
+    /// Work with binary trees (BVHs) in files
+    #[command(subcommand)]
+    Bvh(BvhCommand),
     /// Measure every point of an experiment, so that nothing is lost when it is stopped
     ///
     /// Each finished point is added to a journal at once; the same command goes on where it was stopped. Ctrl-C
@@ -223,6 +245,269 @@ pub enum Command {
     },
 }
 
+/// What `scene` does.
+#[derive(Debug, Subcommand)]
+pub enum SceneCommand {
+    /// Put models, materials, lights and a camera together in a file that every command takes for a scene
+    ///
+    /// The options are those of RTRS (Lewis 2024, appendix B.1). The file is text in TOML, for you to change.
+    #[command(after_help = CONSTRUCT_EXAMPLES)]
+    Construct(Construct),
+}
+
+/// What `scene construct` puts together.
+#[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("place").required(true).multiple(true).args(["output", "name"])))]
+pub struct Construct {
+    #[command(flatten)]
+    pub models: Models,
+    /// A material: its colour (linear, 0 to 1), the shares of diffuse, specular and mirrored light, and the exponent
+    /// of highlights. May be repeated; the first has number 0. A grey one when left out. The path tracer uses the
+    /// colour and the share of mirrored light
+    #[arg(
+        long,
+        num_args = 7,
+        value_names = ["R", "G", "B", "DIFFUSE", "SPECULAR", "MIRRORED", "SHININESS"],
+        allow_negative_numbers = true,
+        value_parser = finite
+    )]
+    pub material: Vec<f32>,
+    /// A point that shines, and its strength; may be repeated. Only --integrator phong sees it: in the path tracer, the
+    /// sky shines
+    #[arg(
+        long,
+        num_args = 4,
+        value_names = ["X", "Y", "Z", "STRENGTH"],
+        allow_negative_numbers = true,
+        value_parser = finite
+    )]
+    pub light: Vec<f32>,
+    /// Where the camera is, and the point it looks at
+    #[arg(
+        long,
+        required = true,
+        action = clap::ArgAction::Set,
+        num_args = 6,
+        value_names = ["X", "Y", "Z", "AT_X", "AT_Y", "AT_Z"],
+        allow_negative_numbers = true,
+        value_parser = finite
+    )]
+    pub camera_pos: Vec<f32>,
+    /// The camera stays: one view, `camera`. So it does when left out
+    #[arg(long, conflicts_with = "camera_orbit")]
+    pub camera_fixed: bool,
+    /// The camera circles the point it looks at, at its height: so many views, `orbit_0` and so on
+    #[arg(
+        long,
+        value_name = "VIEWS",
+        num_args = 0..=1,
+        default_missing_value = "8",
+        value_parser = clap::value_parser!(u32).range(1..=i64::from(tracer::scene::MOST_VIEWS))
+    )]
+    pub camera_orbit: Option<u32>,
+    /// Vertical field of view of the camera
+    #[arg(long, value_name = "DEGREES", default_value_t = 60.0, value_parser = finite)]
+    pub camera_fov: f32,
+    /// Where the descriptor goes; paths in it are relative to its folder
+    #[arg(short, long = "out", value_name = "FILE.toml")]
+    pub output: Option<PathBuf>,
+    /// Name of the scene: without --out, the descriptor goes to scenes/NAME.toml
+    #[arg(long, value_parser = scene_name)]
+    pub name: Option<String>,
+    /// One line about the scene
+    #[arg(long, value_name = "TEXT")]
+    pub title: Option<String>,
+    /// Licence of the models; when left out, those of the known ones among them
+    #[arg(long, value_name = "TEXT")]
+    pub licence: Option<String>,
+    /// Who is to be credited; when left out, those of the known ones among them
+    #[arg(long, value_name = "TEXT")]
+    pub credit: Option<String>,
+}
+
+/// A number that is neither infinite nor none.
+fn finite(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        Ok(_) => Err("it must be finite".into()),
+        Err(_) => Err("it is no number".into()),
+    }
+}
+
+/// A name by which a scene can be asked for.
+fn scene_name(text: &str) -> Result<String, String> {
+    let fits = |c: char| c.is_alphanumeric() || "_-.".contains(c);
+    if !text.is_empty() && !text.starts_with('.') && text.chars().all(fits) {
+        Ok(text.into())
+    } else {
+        Err("a name has letters, digits, _, - and .".into())
+    }
+}
+
+/// Models, each with what follows it: the options are read in their order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Models(pub Vec<Placed>);
+
+/// A model and where it goes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placed {
+    pub path: PathBuf,
+    /// Which of the materials, counted from 0.
+    pub material: u32,
+    pub scale: Option<[f32; 3]>,
+    /// Degrees.
+    pub rotate: Option<[f32; 3]>,
+    pub translate: Option<[f32; 3]>,
+    pub matrix: Option<[[f32; 4]; 3]>,
+}
+
+impl Args for Models {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        let place = |name: &'static str, values: &[&'static str], help: &'static str| {
+            clap::Arg::new(name)
+                .long(name)
+                .num_args(values.len())
+                .value_names(values.to_vec())
+                .action(clap::ArgAction::Append)
+                .allow_negative_numbers(true)
+                .value_parser(finite)
+                .help(help)
+        };
+        command
+            .arg(
+                clap::Arg::new("model")
+                    .long("model")
+                    .num_args(2)
+                    .value_names(["PATH", "MATERIAL"])
+                    .action(clap::ArgAction::Append)
+                    .required(true)
+                    .help(
+                        "A GLB, glTF or OBJ file, and the number of the material that it is made of, from 0; may be \
+                         repeated. The next four are about the model before them",
+                    ),
+            )
+            .arg(place("scale", &["X", "Y", "Z"], "Factors along the axes, of the model before"))
+            .arg(place(
+                "rotate",
+                &["X", "Y", "Z"],
+                "Degrees about the axes x, then y, then z, of the model before, once scaled",
+            ))
+            .arg(place("translate", &["X", "Y", "Z"], "How far the model before is moved, once turned"))
+            .arg(place(
+                "matrix",
+                &["XX", "XY", "XZ", "XW", "YX", "YY", "YZ", "YW", "ZX", "ZY", "ZZ", "ZW"],
+                "Instead of these: three rows of a matrix by which columns (x, y, z, 1) are multiplied",
+            ))
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
+}
+
+impl clap::FromArgMatches for Models {
+    fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
+        let wrong = |text: String| clap::Error::raw(clap::error::ErrorKind::ValueValidation, text + "\n");
+        // Where on the command line the first value of each occurrence stands.
+        let places = |name: &str, values: usize| -> Vec<usize> {
+            matches.indices_of(name).into_iter().flatten().step_by(values).collect()
+        };
+        let words: Vec<&String> = matches.get_many("model").into_iter().flatten().collect();
+        let mut models = Vec::new();
+        for words in words.chunks_exact(2) {
+            let material = words[1].parse().map_err(|_| {
+                wrong(format!(
+                    "--model {} {}: after the path comes the number of a material, from 0 in the order of --material",
+                    words[0], words[1]
+                ))
+            })?;
+            let path = PathBuf::from(words[0]);
+            models.push(Placed { path, material, scale: None, rotate: None, translate: None, matrix: None });
+        }
+        let starts = places("model", 2);
+        for (name, values) in [("scale", 3), ("rotate", 3), ("translate", 3), ("matrix", 12)] {
+            let numbers: Vec<f32> = matches.get_many(name).into_iter().flatten().copied().collect();
+            for (place, numbers) in places(name, values).into_iter().zip(numbers.chunks_exact(values)) {
+                let Some(before) = starts.iter().rposition(|&start| start < place) else {
+                    return Err(wrong(format!("--{name} is about the --model before it, and there is none")));
+                };
+                let model: &mut Placed = &mut models[before];
+                let three = || [numbers[0], numbers[1], numbers[2]];
+                let twice = match name {
+                    "scale" => model.scale.replace(three()).is_some(),
+                    "rotate" => model.rotate.replace(three()).is_some(),
+                    "translate" => model.translate.replace(three()).is_some(),
+                    _ => {
+                        let row = |i: usize| std::array::from_fn(|k| numbers[4 * i + k]);
+                        model.matrix.replace([row(0), row(1), row(2)]).is_some()
+                    }
+                };
+                if twice {
+                    let path = model.path.display();
+                    return Err(wrong(format!("--{name} is there twice for --model {path}; leave one out")));
+                }
+            }
+        }
+        Ok(Self(models))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &clap::ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// What `bvh` does.
+#[derive(Debug, Subcommand)]
+pub enum BvhCommand {
+    /// Build a scene's binary tree and store it, for `runner run SCENE --bvh FILE` to start from
+    ///
+    /// The file holds the tree, what it was built by, and hashes of itself and of the scene's triangles: a damaged
+    /// one, or one of another scene, is refused.
+    #[command(after_help = PRECOMPUTE_EXAMPLES)]
+    Precompute(Precompute),
+}
+
+/// What `bvh precompute` builds.
+#[derive(Debug, Args)]
+pub struct Precompute {
+    /// The scene
+    #[arg(value_name = "SCENE")]
+    pub scene: String,
+    /// How the tree is built, the same as `--set build.method=METHOD`; on the device when left out
+    #[arg(long, value_enum, value_name = "METHOD")]
+    pub build: Option<Build>,
+    #[command(flatten)]
+    pub tuning: Tuning,
+    /// Where the tree goes
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+/// How a binary tree is built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Build {
+    /// Clustering along a Morton curve, on the device; parameters morton.* and ploc.*
+    Ploc,
+    /// The same up the hierarchy of the codes, in a single launch; parameters morton.* and hploc.*
+    Hploc,
+    /// Spatial splits, on the CPU: better, and slower to build; parameters sbvh.*
+    Sbvh,
+    /// Boxes halved in the middle, on the CPU, as RTRS does; no parameters
+    Midpoint,
+}
+
+impl From<Build> for tracer::builder::Method {
+    fn from(build: Build) -> Self {
+        match build {
+            Build::Ploc => Self::Ploc,
+            Build::Hploc => Self::Hploc,
+            Build::Sbvh => Self::Sbvh,
+            Build::Midpoint => Self::Midpoint,
+        }
+    }
+}
+
 /// What `config` does.
 #[derive(Debug, Subcommand)]
 pub enum ConfigCommand {
@@ -239,6 +524,10 @@ pub struct Run {
     /// Variants to measure; `*` stands for anything, `all` for every variant
     #[arg(long, value_name = "NAME", default_value = "Binary")]
     pub variant: Vec<String>,
+    /// Start every variant from the binary tree in this file, which `runner bvh precompute` wrote, instead of building
+    /// one
+    #[arg(long, value_name = "FILE")]
+    pub bvh: Option<PathBuf>,
     /// Views, by number or name, such as `0,3` or `0-3`; all when left out
     #[arg(long, value_name = "LIST")]
     pub views: Option<String>,
@@ -425,11 +714,53 @@ pub struct Paths {
     /// Seed of all random numbers
     #[arg(long, default_value_t = 0)]
     pub seed: u32,
+    /// How light is gathered, the same as `--set shade.integrator=NAME`
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub integrator: Option<Integrator>,
     #[command(flatten)]
     pub tuning: Tuning,
     /// What the GPU is locked to: samples below 95% of it are left out of the means. Without it, its base clock
     #[arg(long, value_name = "MHZ", value_parser = clap::value_parser!(u32).range(1..))]
     pub locked_clock: Option<u32>,
+}
+
+/// How light is gathered along a path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Integrator {
+    /// Path tracing: rays go on in random directions, and light is what emits and the sky
+    Path,
+    /// Lambert's and Blinn's and Phong's terms of point lights and of one at the camera, ambient light, and mirror
+    /// reflections; parameters shade.ambience and shade.camera_light
+    Phong,
+}
+
+impl Integrator {
+    fn assignment(self) -> String {
+        let name = self.to_possible_value().expect("none is hidden");
+        format!("shade.integrator={}", name.get_name())
+    }
+}
+
+impl Cli {
+    /// Reads the command line. What is an option of its own for a parameter becomes its assignment.
+    pub fn read() -> Self {
+        let mut cli = Self::parse();
+        cli.settle();
+        cli
+    }
+
+    fn settle(&mut self) {
+        let (integrator, tuning) = match &mut self.command {
+            Command::Run(Run { paths, .. }) | Command::Tune(Tune { paths, .. }) => {
+                (paths.integrator, &mut paths.tuning)
+            }
+            Command::Render(Render { seen, .. }) | Command::Rays(Rays { seen, .. }) => {
+                (seen.integrator, &mut seen.tuning)
+            }
+            _ => return,
+        };
+        tuning.set.extend(integrator.map(Integrator::assignment));
+    }
 }
 
 /// Parameters of the stages.
@@ -455,6 +786,9 @@ pub struct Seen {
     /// Seed of all random numbers
     #[arg(long, default_value_t = 0)]
     pub seed: u32,
+    /// How light is gathered, the same as `--set shade.integrator=NAME`
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub integrator: Option<Integrator>,
     #[command(flatten)]
     pub tuning: Tuning,
 }
@@ -617,6 +951,50 @@ mod tests {
         let Command::Run(run) = cli.command else { panic!("another command") };
         assert_eq!((run.paths.size, run.samples), (Some(Size { width: 4, height: 3 }), Some(5)));
         assert_eq!((run.variant.len(), run.paths.tuning.set.len()), (2, 2));
+    }
+
+    #[test]
+    fn an_integrator_is_a_parameter() {
+        for (command, phong) in [("run", true), ("tune", true), ("render", true), ("run", false)] {
+            let output = if command == "run" { "" } else { " -o x" };
+            let chosen = if phong { " --integrator phong" } else { "" };
+            let mut cli = Cli::parse_from(format!("runner {command} a --set b=1{chosen}{output}").split(' '));
+            cli.settle();
+            let tuning = match cli.command {
+                Command::Run(run) => run.paths.tuning,
+                Command::Tune(tune) => tune.paths.tuning,
+                Command::Render(render) => render.seen.tuning,
+                _ => panic!("another command"),
+            };
+            let set: Vec<_> = tuning.set.iter().map(String::as_str).collect();
+            assert_eq!(set, if phong { &["b=1", "shade.integrator=phong"][..] } else { &["b=1"] });
+        }
+    }
+
+    #[test]
+    fn what_places_a_model_follows_it() {
+        let line = "runner scene construct --out x.toml --camera-pos 0 0 9 0 0 0 --model a.glb 0 --translate -1 2 3 \
+                    --light 1 2 3 4 --rotate 0 90 0 --model b.glb 1 --model c.glb 2 --scale 2 2 2";
+        let Command::Scene(SceneCommand::Construct(construct)) = Cli::parse_from(line.split(' ')).command
+        else {
+            panic!("another command")
+        };
+        let models = construct.models.0;
+        assert_eq!((models[0].translate, models[0].rotate), (Some([-1.0, 2.0, 3.0]), Some([0.0, 90.0, 0.0])));
+        assert_eq!((models[0].scale, models[1].scale, models[2].scale), (None, None, Some([2.0; 3])));
+        assert_eq!((models[2].path.to_str(), models[2].material), (Some("c.glb"), 2));
+        for (old, new, words) in [
+            ("--model a.glb 0 ", "", "is about the --model before it"),
+            ("--rotate 0 90 0", "--translate 0 0 0", "twice for --model a.glb"),
+            ("a.glb 0", "a.glb first", "after the path comes the number"),
+            ("--scale 2 2 2", "--scale 2 2 inf", "finite"),
+            ("--light 1 2 3 4", "--light 1 2 nan 4", "finite"),
+            ("--light 1 2 3 4", "--light 1 2 3", "4 values required"),
+            ("--out x.toml ", "", "--out"),
+        ] {
+            let error = Cli::try_parse_from(line.replacen(old, new, 1).split(' ')).unwrap_err().to_string();
+            assert!(error.contains(words), "{new}: {error}");
+        }
     }
 
     #[test]

@@ -100,6 +100,7 @@ pub fn scenes(global: &Global, json: bool) -> anyhow::Result<()> {
         let descriptor = entry.descriptor()?;
         let (triangles, found, state) = match &descriptor.source {
             Source::Generator { triangles, .. } => (Some(*triangles), None, "generated"),
+            Source::Models(_) => (None, None, "models"),
             Source::File { file, triangles, .. } => match search.find(Path::new(file)) {
                 Some(path) => (*triangles, Some(path), "found"),
                 None => {
@@ -207,7 +208,7 @@ pub fn variants(global: &Global, tuning: &args::Tuning, json: bool) -> anyhow::R
         if let Some(reason) = missing.as_ref().filter(|reason| !reasons.contains(reason)) {
             reasons.push(reason.clone());
         }
-        let layout = variant.layout;
+        let layout = variant.layout();
         let bytes = layout.map(Layout::node_bytes);
         let stride = layout.map(|layout| layout.stride(&params.layout));
         let method = layout.map(|_| params.build(variant).contract.method);
@@ -260,7 +261,8 @@ pub fn variants(global: &Global, tuning: &args::Tuning, json: bool) -> anyhow::R
     print(&format!(
         "{}{unavailable}\n\ncontraction: sah by surface area and triangles, cbtc by visits of sample rays from the view, optimal of least\n\
          SAH cost. c_t: what visiting a node costs when leaves are merged. subgroups: of a workgroup, for primary and\n\
-         secondary rays. Driver: the driver's own ray tracing, which does not tell what its trees are like.\n\
+         secondary rays. Driver: the driver's own ray tracing, which does not tell what its trees are like. Naive: no tree,\n\
+         every triangle. Blank: no triangle either, what all else costs. These two are taken by their names only.\n\
          All of these are parameters; `--set` changes them, as it does in `runner run`.",
         table::shown(&rows)
     ))
@@ -312,7 +314,8 @@ pub fn render(global: &Global, render: &args::Render) -> anyhow::Result<()> {
     if counting && stage.variant.is_driver() {
         bail!("the driver does not tell what rays meet in its tree: take another --variant for --heatmap");
     }
-    let path = path::Params { depth: render.depth, seed: render.seen.seed };
+    let path =
+        path::Params { depth: render.depth, seed: render.seen.seed, shade: stage.params.shade.clone() };
     let device = &stage.loaded.device;
     let tracer = PathTracer::new(&session.gpu, device, (size.width, size.height), &path, counting)?;
     let tree = &stage.tree(&tracer)?;
@@ -350,7 +353,8 @@ pub fn rays(global: &Global, rays: &args::Rays) -> anyhow::Result<()> {
     let size = rays.size;
     let stage = Stage::new(global, &rays.seen, size)?;
     let session = &stage.session;
-    let path = path::Params { depth: rays.depth + 1, seed: rays.seen.seed };
+    let path =
+        path::Params { depth: rays.depth + 1, seed: rays.seen.seed, shade: stage.params.shade.clone() };
     let device = &stage.loaded.device;
     let tracer = PathTracer::new(&session.gpu, device, (size.width, size.height), &path, false)?;
     let tree = stage.tree(&tracer)?;

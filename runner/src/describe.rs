@@ -6,9 +6,11 @@ use tracer::{
     builder::BuildReport,
     driver,
     gpu::{DeviceInfo, DeviceKind},
+    list,
     measure::tree::TreeStats,
     path::WaveCounts,
     scene::{Origin, Scene},
+    treefile::{Made, Recipe},
 };
 
 /// One build.
@@ -17,6 +19,8 @@ pub fn repetition(report: &BuildReport) -> Repetition {
     // A tree for a view is made of one that is there: its first phases take no part.
     let phases = phases(&[
         ("sbvh", took.sbvh),
+        ("midpoint", took.midpoint),
+        ("adopt", took.adopt),
         ("morton", took.morton),
         ("sort", took.sort),
         ("ploc", took.ploc),
@@ -35,6 +39,12 @@ pub fn by_driver(took: &driver::Milliseconds) -> Repetition {
         launches: None,
         phases: phases(&[("bottom", took.bottom), ("compact", took.compact), ("top", took.top)]),
     }
+}
+
+/// One build of no tree.
+pub fn listing(milliseconds: f64) -> Repetition {
+    // One kernel stores the triangles.
+    Repetition { milliseconds, phases: phases(&[("layout", milliseconds)]), launches: Some(1) }
 }
 
 /// Those that took part.
@@ -63,6 +73,16 @@ pub fn driver_tree(structure: &driver::Structure) -> record::Tree {
     record::Tree { bytes: Some(structure.bytes()), ..record::Tree::default() }
 }
 
+/// No tree: the triangles alone.
+pub fn list(list: &list::List) -> record::Tree {
+    record::Tree {
+        nodes: Some(0),
+        node_bytes: Some(0),
+        triangle_bytes: Some(list.triangle_bytes()),
+        ..record::Tree::default()
+    }
+}
+
 /// What the rays of a wavefront met, and how well subgroups of a size were used.
 pub fn count(counts: &WaveCounts, subgroup_size: u32) -> record::Count {
     let own = &counts.utilization;
@@ -81,6 +101,24 @@ pub fn count(counts: &WaveCounts, subgroup_size: u32) -> record::Count {
             fetch_lanes: own.fetch_lanes,
         }),
     }
+}
+
+/// A binary tree from a file of that name and hash, which reading and checking took so long.
+pub fn adopted(name: String, sha256: String, made: &Made, read_milliseconds: f64) -> record::Adopted {
+    let mut parameters = record::Parameters::default();
+    let added = match &made.recipe {
+        Recipe::Ploc { morton, ploc } => {
+            parameters.add("morton", morton).and_then(|()| parameters.add("ploc", ploc))
+        }
+        Recipe::Hploc { morton, hploc } => {
+            parameters.add("morton", morton).and_then(|()| parameters.add("hploc", hploc))
+        }
+        Recipe::Sbvh { sbvh } => parameters.add("sbvh", sbvh),
+        Recipe::Midpoint => Ok(()),
+    };
+    added.expect("parameters are plain data");
+    let method = made.recipe.method().to_string();
+    record::Adopted { name, sha256, method, parameters, built_seconds: made.seconds, read_milliseconds }
 }
 
 /// A scene.

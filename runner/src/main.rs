@@ -2,8 +2,10 @@
 
 mod args;
 mod best;
+mod bvh;
 mod commands;
 mod config;
+mod construct;
 mod describe;
 mod host;
 mod measure;
@@ -26,16 +28,17 @@ mod validate;
 mod variant;
 mod view;
 
-use args::{Cli, Command, ConfigCommand};
-use clap::Parser;
+use args::{BvhCommand, Cli, Command, ConfigCommand, SceneCommand};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::read();
     let result = match &cli.command {
         Command::Devices { json } => commands::devices(*json),
         Command::Scenes { json } => commands::scenes(&cli.global, *json),
         Command::Run(run) => run::run(&cli.global, run),
+        Command::Scene(SceneCommand::Construct(arguments)) => construct::construct(&cli.global, arguments),
+        Command::Bvh(BvhCommand::Precompute(arguments)) => bvh::precompute(&cli.global, arguments),
         Command::Sweep(arguments) => sweep::sweep(&cli.global, arguments),
         Command::Merge(arguments) => sweep::merge(&cli.global, arguments),
         Command::Best(arguments) => best::best(&cli.global, arguments),

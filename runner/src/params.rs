@@ -5,11 +5,13 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use tracer::{
-    builder::BuildParams,
+    builder::{BuildParams, Method},
+    collapse::CollapseParams,
     contract::{ContractParams, Contraction, Form, Numbering},
     gpu::Gpu,
     layout::{Layout, LayoutParams},
     traverse::{Language, Technique},
+    treefile::Recipe,
 };
 
 use crate::variant::Variant;
@@ -31,9 +33,11 @@ pub struct Params {
     /// Clustering in a single launch.
     pub hploc: tracer::hploc::HplocParams,
     /// Merging of leaves.
-    pub collapse: tracer::collapse::CollapseParams,
+    pub collapse: CollapseParams,
     /// Which boxes share a node.
     pub contract: Contract,
+    /// What happens where a ray hits a surface.
+    pub shade: tracer::path::Shading,
     /// Sample rays for variants that go by view.
     pub cbtc: tracer::path::Sampling,
     /// How nodes are stored.
@@ -58,8 +62,8 @@ pub struct Params {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Build {
-    /// `ploc` or `hploc` on the device, or `sbvh` on the CPU.
-    pub method: tracer::builder::Method,
+    /// `ploc` or `hploc` on the device, `sbvh` or `midpoint` on the CPU.
+    pub method: Method,
 }
 
 /// The order in which the children of a compressed node are visited.
@@ -109,14 +113,14 @@ impl Params {
     /// The defaults of a variant.
     pub fn of(variant: Variant) -> Self {
         let mut params = Self::default();
-        // The driver takes none of what is below.
-        let Some(layout) = variant.layout else { return params };
+        // What has no tree of ours takes none of what is below.
+        let Some(layout) = variant.layout() else { return params };
         // Thesis 6.3, table 5: wider nodes are dearer to visit.
         params.collapse.traversal_cost = match layout {
             Layout::Binary | Layout::Wide4 | Layout::Quantized4 => 2.0,
             Layout::Wide6 | Layout::Quantized6 | Layout::Quantized8 => 3.0,
             Layout::Wide8 => 4.0,
-            Layout::Compressed8 => 2.0,
+            Layout::Compressed8 | Layout::Direct | Layout::Reduced => 2.0,
         };
         if layout.is_compressed() {
             // Ylitie et al. 2017, 3.4; where another method is chosen, leaves are no larger.
@@ -124,6 +128,8 @@ impl Params {
             params.contract.numbering = Numbering::DepthFirst;
             params.collapse.max_leaf = layout.limits().triangles_per_leaf as u32;
         }
+        let largest = layout.limits().triangles_per_leaf as u32;
+        params.collapse.max_leaf = params.collapse.max_leaf.min(largest);
         params
     }
 
@@ -147,11 +153,16 @@ impl Params {
             sort: self.sort.clone(),
             ploc: self.ploc.clone(),
             hploc: self.hploc.clone(),
-            collapse: self.collapse.clone(),
+            collapse: self.collapse(),
             contract: ContractParams { method, alpha, form, numbering, c_node, c_prim, p_max },
             layout: LayoutParams { assignment: self.order.assignment, ..self.layout.clone() },
             triangle: self.triangle.clone(),
         }
+    }
+
+    /// How leaves are merged.
+    pub fn collapse(&self) -> CollapseParams {
+        CollapseParams { by_size: self.build.method == Method::Midpoint, ..self.collapse.clone() }
     }
 
     /// What the traversal of a variant takes.
@@ -167,7 +178,34 @@ impl Params {
 
     /// Whether the device has room for the workgroups of a variant's kernels.
     pub fn fits(&self, variant: Variant, gpu: &Gpu) -> bool {
-        variant.layout.is_none_or(|layout| self.trace(variant).fits(gpu, layout))
+        variant.layout().is_none_or(|layout| self.trace(variant).fits(gpu, layout))
+    }
+
+    /// What the binary tree is made by.
+    pub fn recipe(&self) -> Recipe {
+        match self.build.method {
+            Method::Ploc => Recipe::Ploc { morton: self.morton.clone(), ploc: self.ploc.clone() },
+            Method::Hploc => Recipe::Hploc { morton: self.morton.clone(), hploc: self.hploc.clone() },
+            Method::Sbvh => Recipe::Sbvh { sbvh: self.sbvh.clone() },
+            Method::Midpoint => Recipe::Midpoint,
+        }
+    }
+
+    /// Takes over what a binary tree was made by, so that they tell the truth of it.
+    pub fn adopt(&mut self, recipe: &Recipe) {
+        self.build.method = recipe.method();
+        match recipe.clone() {
+            Recipe::Ploc { morton, ploc } => (self.morton, self.ploc) = (morton, ploc),
+            Recipe::Hploc { morton, hploc } => (self.morton, self.hploc) = (morton, hploc),
+            Recipe::Sbvh { sbvh } => self.sbvh = sbvh,
+            Recipe::Midpoint => {}
+        }
+    }
+
+    /// Whether an assignment is about how the binary tree is made, so that one from a file has no use for it.
+    pub fn is_of_binary_tree(assignment: &str) -> bool {
+        let stage = assignment.split(['.', '=']).next().unwrap_or_default().trim();
+        ["build", "morton", "ploc", "hploc", "sbvh"].contains(&stage)
     }
 
     /// Applies assignments such as `collapse.c_t=3`, all or none.
@@ -252,6 +290,9 @@ impl Params {
             ("sbvh.sweep", f64::from(self.sbvh.sweep), 0.0..=4096.0),
             ("sbvh.budget", f64::from(self.sbvh.budget), 0.0..=16.0),
             ("layout.bits", f64::from(self.layout.bits), 4.0..=8.0),
+            ("shade.specular", f64::from(self.shade.specular), 0.0..=1.0),
+            ("shade.ambience", f64::from(self.shade.ambience), 0.0..=1e6),
+            ("shade.camera_light", f64::from(self.shade.camera_light), 0.0..=1e6),
             ("groups.n_w", f64::from(self.groups.n_w), 0.0..=1e6),
             ("groups.n_d", f64::from(self.groups.n_d), 0.0..=32.0),
             ("groups.n_t", f64::from(self.groups.n_t), 0.0..=32.0),
@@ -367,6 +408,20 @@ mod tests {
         assert_eq!(Params::of(wide8).collapse.traversal_cost, 4.0);
         let set = Params::with(wide8, &["collapse.c_t=2".into(), "cbtc.depth-limit=2".into()]).unwrap();
         assert_eq!((set.collapse.traversal_cost, set.cbtc.depth_limit), (2.0, 2));
+    }
+
+    #[test]
+    fn the_recipe_of_a_tree_is_taken_over_whole() {
+        for assignment in ["build.method=sbvh", "build.method=midpoint", "ploc.radius=4"] {
+            let set = ["sbvh.alpha=0.5".into(), "morton.bits=12".into(), assignment.into()];
+            let made = Params::with(Variant::BINARY, &set).unwrap().recipe();
+            let mut params = Params::default();
+            params.adopt(&made);
+            assert_eq!(params.recipe(), made);
+            assert!(Params::is_of_binary_tree(assignment));
+        }
+        assert!(Params::is_of_binary_tree("sbvh.alpha=1") && Params::is_of_binary_tree(" morton.bits=9"));
+        assert!(!Params::is_of_binary_tree("collapse.c_t=1") && !Params::is_of_binary_tree("builder=1"));
     }
 
     #[test]

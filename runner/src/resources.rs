@@ -59,12 +59,21 @@ pub fn resources(global: &Global, variants: &[String], tuning: &Tuning, json: bo
     // Those that go by view are traced by the same kernels.
     for variant in Variant::select(variants)?.into_iter().filter(|v| !v.by_view) {
         // What the driver traces with it keeps to itself.
-        let Some(layout) = variant.layout else { continue };
+        if variant.is_driver() {
+            continue;
+        }
         let params = Params::with(variant, &tuning.set)?;
-        let stride = layout.stride(&params.layout);
-        let (layout, test) = (Some(layout), params.triangle.test);
-        let no_tree =
-            Tree { nodes: 0, triangles: 0, indices: 0, test, layout, stride, stack: 0, extent: 0.0 };
+        let no_tree = Tree {
+            nodes: 0,
+            triangles: 0,
+            indices: 0,
+            test: params.triangle.test,
+            structure: variant.structure,
+            listed: 0,
+            stride: variant.layout().map_or(0, |layout| layout.stride(&params.layout)),
+            stack: 0,
+            extent: 0.0,
+        };
         let traversal = session.traversal(&no_tree, variant, &params, Counting::Nothing)?;
         for (wave, purpose) in PURPOSES {
             let Some(kernel) = traversal.kernel(wave) else { continue };

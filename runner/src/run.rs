@@ -25,6 +25,22 @@ use tracer::path;
 /// Anything that keeps a scene from being measured; what was measured before is in the record.
 pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     let variants = Variant::select(&run.variant)?;
+    if let Some(path) = &run.bvh {
+        anyhow::ensure!(
+            run.scenes.len() == 1,
+            "--bvh {}: a tree is of one scene, and there are {}; run them one by one",
+            path.display(),
+            run.scenes.len()
+        );
+        let of_tree = run.paths.tuning.set.iter().find(|assignment| Params::is_of_binary_tree(assignment));
+        if let Some(assignment) = of_tree {
+            anyhow::bail!(
+                "--set {assignment}: the binary tree is the one in {}, built already; leave one of the two out, or \
+                 give this to `runner bvh precompute`",
+                path.display()
+            );
+        }
+    }
     // Mistakes are told before a device is opened.
     for &variant in &variants {
         Params::with(variant, &run.paths.tuning.set)?;
@@ -33,7 +49,7 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     let session = Session::open(global)?;
     let available = session.available(variants, &run.variant)?;
     let variants = &available.there;
-    let params: Vec<Params> =
+    let mut params: Vec<Params> =
         variants.iter().map(|&v| Params::with(v, &run.paths.tuning.set)).collect::<anyhow::Result<_>>()?;
     let telemetry = telemetry(&session);
     let held = Held::of(&session);
@@ -48,7 +64,11 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     let plan = Plan {
         size: (size.width, size.height),
         method,
-        path: path::Params { depth: run.paths.depth.unwrap_or(depth(method)), seed: run.paths.seed },
+        path: path::Params {
+            depth: run.paths.depth.unwrap_or(depth(method)),
+            seed: run.paths.seed,
+            ..path::Params::default()
+        },
         builds: run.builds.unwrap_or(defaults.builds),
         warm_up: run.warm_up,
         busy_before_point: if defaults.cpu { Duration::ZERO } else { WARM_UP_TIME },
@@ -58,6 +78,14 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
         held,
         counting: true,
     };
+    // The tree says by which parameters it was built, so it is read before they are written down.
+    let mut given = None;
+    if let Some(path) = &run.bvh {
+        let mut loaded = session.load(&run.scenes[0])?;
+        let recipe = loaded.give(path, session.quiet)?.recipe.clone();
+        params.iter_mut().for_each(|params| params.adopt(&recipe));
+        given = Some(loaded);
+    }
     let mut record = begin(&session, &plan, run.host_name);
     record.parameters = params[0].by_name();
     record.left_out.clone_from(&available.missed);
@@ -68,7 +96,7 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
     let mut points_left = (run.scenes.len() * variants.len()) as u64;
     'scenes: for spec in &run.scenes {
         bar.set_message(format!("{spec}: loading"));
-        let loaded = session.load(spec)?;
+        let loaded = given.take().map_or_else(|| session.load(spec), Ok)?;
         let views = loaded.views(run.views.as_deref())?;
         for (&variant, params) in variants.iter().zip(&params) {
             // The time left is an estimate: the scenes to come are taken to have as many views as this one.

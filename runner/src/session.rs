@@ -8,9 +8,11 @@ use crate::{
     table::thousands,
     variant::Variant,
 };
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use std::{
     cell::RefCell,
+    fs,
+    path::Path,
     rc::Rc,
     sync::{
         Arc, OnceLock,
@@ -19,20 +21,25 @@ use std::{
     time::{Duration, Instant},
 };
 use tracer::{
-    builder::{BuildReport, BuildWorkspace, Builder, Method, Summary, WideWorkspace, Widen},
+    builder::{
+        BuildError, BuildParams, BuildReport, BuildWorkspace, Builder, Method, Summary, WideWorkspace, Widen,
+    },
     bvh2::Bvh2,
     contract::{VisitCounter, Visits},
     driver,
     gpu::{Buffer, Gpu, Options, Pass, Selector},
     layout::Layout,
+    list,
     measure::tree::stats,
+    midpoint,
     path::{Camera, DeviceScene, PathTracer},
     sbvh::{
         SbvhParams,
         cache::{self, Built},
     },
     scene::{self, Scene, SearchPath},
-    traverse::{Buffers, Counting, Hit, Queue, Ray, Traversal, Tree, Wave},
+    traverse::{Buffers, Counting, Hit, Queue, Ray, Structure, Traversal, Tree, Wave},
+    treefile::{self, Recipe},
     with_layout,
 };
 use winit::raw_window_handle::HasDisplayHandle;
@@ -48,8 +55,12 @@ pub struct Session {
 pub struct Loaded {
     pub scene: Scene,
     pub device: DeviceScene,
+    /// What the user called it.
+    spec: String,
+    /// The binary tree that a file gave, which all builds start from.
+    given: Option<Given>,
     /// The binary tree that the CPU last made of it, and what it took.
-    split: RefCell<Option<Rc<Split>>>,
+    built: RefCell<Option<Rc<BuiltOnCpu>>>,
     /// The rays of views that were collected last; the one used last comes last.
     wavefronts: RefCell<Vec<(Seen, Rc<Bounces>)>>,
 }
@@ -73,13 +84,22 @@ pub struct Seen {
     pub path: tracer::path::Params,
 }
 
-/// A binary tree with spatial splits.
-pub struct Split {
-    params: SbvhParams,
+/// A binary tree that was built on the CPU.
+pub struct BuiltOnCpu {
+    recipe: Recipe,
     /// The tree.
     pub tree: Bvh2,
     /// What building it took, in milliseconds.
-    milliseconds: f64,
+    pub milliseconds: f64,
+}
+
+/// A binary tree from a file.
+pub struct Given {
+    tree: Bvh2,
+    /// What it is made by.
+    pub recipe: Recipe,
+    /// The file, in the record's words.
+    pub adopted: record::Adopted,
 }
 
 impl Loaded {
@@ -117,11 +137,30 @@ impl Loaded {
         self.wavefronts.borrow().iter().flat_map(|(_, bounces)| &bounces.waves).map(TraceMemory::bytes).sum()
     }
 
-    /// The binary tree with spatial splits: the last one, or from disk, or built now.
-    pub fn split(&self, params: &SbvhParams, quiet: bool) -> Rc<Split> {
-        if let Some(split) = self.split.borrow().as_ref().filter(|split| split.params == *params) {
-            return split.clone();
+    /// The binary tree of a recipe: the last one, or from disk, or built now.
+    ///
+    /// # Panics
+    /// It is for the device.
+    pub fn built_on_cpu(&self, recipe: &Recipe, quiet: bool) -> Rc<BuiltOnCpu> {
+        if let Some(built) = self.built.borrow().as_ref().filter(|built| built.recipe == *recipe) {
+            return built.clone();
         }
+        let (tree, seconds) = match recipe {
+            Recipe::Sbvh { sbvh } => self.split(sbvh, quiet),
+            Recipe::Midpoint => {
+                let started = Instant::now();
+                let tree = midpoint::build(&self.scene.positions);
+                (tree, started.elapsed().as_secs_f64())
+            }
+            Recipe::Ploc { .. } | Recipe::Hploc { .. } => panic!("the device clusters"),
+        };
+        let built = Rc::new(BuiltOnCpu { recipe: recipe.clone(), tree, milliseconds: 1e3 * seconds });
+        *self.built.borrow_mut() = Some(built.clone());
+        built
+    }
+
+    /// The binary tree with spatial splits, from disk or built now, and the seconds that building it took.
+    fn split(&self, params: &SbvhParams, quiet: bool) -> (Bvh2, f64) {
         let folder = cache::default_folder();
         let (tree, built) = cache::load_or_build(&self.scene.positions, params, folder.as_deref());
         for note in &built.notes {
@@ -139,12 +178,58 @@ impl Loaded {
                 thousands(triangles)
             ),
         );
-        let split = Rc::new(Split { params: params.clone(), tree, milliseconds: 1e3 * seconds });
-        *self.split.borrow_mut() = Some(split.clone());
-        split
+        (tree, seconds)
     }
 
-    /// Memory for builds of the scene, with the binary tree in it where that comes from the CPU.
+    /// Lets all builds start from the binary tree in a file.
+    ///
+    /// # Errors
+    /// The file cannot be read, is none of a binary tree, is damaged, or is of another scene.
+    pub fn give(&mut self, path: &Path, quiet: bool) -> anyhow::Result<&Given> {
+        let started = Instant::now();
+        let triangles = &self.scene.positions;
+        let way_out = || {
+            format!(
+                "make one that fits: runner bvh precompute {} -o {}",
+                shell_word(&self.spec),
+                shell_word(&path.to_string_lossy())
+            )
+        };
+        let bytes = fs::read(path)
+            .map_err(|error| anyhow!("cannot read {}: {error}; {}", path.display(), way_out()))?;
+        let (tree, made) = treefile::decode(&bytes, &treefile::content(triangles), triangles.len())
+            .map_err(|fault| anyhow!("{} {fault}; {}", path.display(), way_out()))?;
+        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let sha256 = scene::sha256(&bytes);
+        let read = 1e3 * started.elapsed().as_secs_f64();
+        remark(
+            quiet,
+            format_args!(
+                "{}: a binary tree of {} leaves from {}, built by {}",
+                self.scene.name,
+                thousands(tree.leaves as u64),
+                path.display(),
+                made.recipe.method()
+            ),
+        );
+        let adopted = describe::adopted(name, sha256, &made, read);
+        Ok(self.given.insert(Given { tree, recipe: made.recipe, adopted }))
+    }
+
+    /// The binary tree that a file gave, if one did.
+    pub fn given(&self) -> Option<&Given> {
+        self.given.as_ref()
+    }
+
+    /// Compiles a build, of all stages or of those after the binary tree where that is given.
+    fn builder(&self, gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Builder, BuildError> {
+        match self.given {
+            Some(_) => Builder::adopting(gpu, params, layout),
+            None => Builder::new(gpu, params, layout),
+        }
+    }
+
+    /// Memory for builds of the scene, with the binary tree in it where that comes from a file or the CPU.
     ///
     /// # Errors
     /// Too little memory.
@@ -154,12 +239,18 @@ impl Loaded {
         params: &Params,
         builder: &Builder,
     ) -> anyhow::Result<BuildWorkspace> {
+        if let Some(Given { tree, .. }) = &self.given {
+            let workspace = builder.workspace(tree.leaves)?;
+            workspace.adopt(&session.gpu, tree, self.device.triangles, None)?;
+            return Ok(workspace);
+        }
         match params.build.method {
             Method::Ploc | Method::Hploc => Ok(builder.workspace(self.device.triangles)?),
-            Method::Sbvh => {
-                let split = self.split(&params.sbvh, session.quiet);
-                let workspace = builder.workspace(split.tree.leaves)?;
-                workspace.adopt(&session.gpu, &split.tree, self.device.triangles, split.milliseconds)?;
+            method @ (Method::Sbvh | Method::Midpoint) => {
+                let built = self.built_on_cpu(&params.recipe(), session.quiet);
+                let workspace = builder.workspace(built.tree.leaves)?;
+                let (tree, made) = (&built.tree, Some((method, built.milliseconds)));
+                workspace.adopt(&session.gpu, tree, self.device.triangles, made)?;
                 Ok(workspace)
             }
         }
@@ -191,6 +282,7 @@ pub struct Planted {
 enum Memory {
     Ours(Box<WideWorkspace>),
     Driver(driver::Structure),
+    List(list::List),
 }
 
 /// A binary tree to which variants that go by view return for every view: what sample rays are traced
@@ -514,7 +606,14 @@ impl Session {
         }
         let device =
             DeviceScene::upload(&self.gpu, &scene).with_context(|| format!("scene {}", scene.name))?;
-        Ok(Loaded { scene, device, split: RefCell::default(), wavefronts: RefCell::default() })
+        Ok(Loaded {
+            scene,
+            device,
+            spec: spec.to_owned(),
+            given: None,
+            built: RefCell::default(),
+            wavefronts: RefCell::default(),
+        })
     }
 
     /// Makes a variant's first build `repetitions` times in the same memory and keeps the last; `each` sees
@@ -535,19 +634,35 @@ impl Session {
         let context = || format!("building {variant} for {}", loaded.scene.name);
         let Loaded { device: DeviceScene { positions, triangles: count, extent, .. }, .. } = loaded;
         let (count, extent) = (*count, *extent);
-        let Some(layout) = variant.layout else {
-            let builder = driver::Builder::new(&self.gpu, &params.driver, positions, count)?;
-            let build = || builder.build(positions).with_context(context);
-            let took = again_and_again(warm_up, repetitions, build, |took| each(describe::by_driver(took)))?;
-            debug_assert!(took.total > 0.0);
-            let structure = builder.finish();
-            let (tree, statistics) = (structure.tree(extent), describe::driver_tree(&structure));
-            let planted = Planted { tree, statistics, _memory: Memory::Driver(structure) };
-            return Ok(Plant::Planted(Box::new(planted)));
+        let layout = match variant.structure {
+            Structure::Nodes(layout) => layout,
+            Structure::Driver => {
+                let builder = driver::Builder::new(&self.gpu, &params.driver, positions, count)?;
+                let build = || builder.build(positions).with_context(context);
+                let took =
+                    again_and_again(warm_up, repetitions, build, |took| each(describe::by_driver(took)))?;
+                debug_assert!(took.total > 0.0);
+                let structure = builder.finish();
+                let (tree, statistics) = (structure.tree(extent), describe::driver_tree(&structure));
+                let planted = Planted { tree, statistics, _memory: Memory::Driver(structure) };
+                return Ok(Plant::Planted(Box::new(planted)));
+            }
+            Structure::List(listing) => {
+                let builder = list::Builder::new(&self.gpu, listing, params.triangle.test, count)
+                    .with_context(context)?;
+                let build = || builder.build(positions).with_context(context);
+                again_and_again(warm_up, repetitions, build, |&took| each(describe::listing(took)))?;
+                let list = builder.finish();
+                let (tree, statistics) = (list.tree(extent), describe::list(&list));
+                let planted = Planted { tree, statistics, _memory: Memory::List(list) };
+                return Ok(Plant::Planted(Box::new(planted)));
+            }
         };
         let layout_of_first = if variant.by_view { Layout::Binary } else { layout };
-        let first = Variant { layout: Some(layout_of_first), by_view: false, ..variant };
-        let builder = Builder::new(&self.gpu, &params.build(first), layout_of_first).with_context(context)?;
+        let structure = Structure::Nodes(layout_of_first);
+        let first = Variant { structure, by_view: false, ..variant };
+        let builder =
+            loaded.builder(&self.gpu, &params.build(first), layout_of_first).with_context(context)?;
         let workspace = loaded.workspace(self, params, &builder).with_context(context)?;
         let build = || builder.build(&workspace, positions, count, false).with_context(context);
         let report =
@@ -598,6 +713,16 @@ impl Session {
             0 => Ok(()),
             n => bail!("the validation layer gave {n} messages"),
         }
+    }
+}
+
+/// A word as it can be typed into a shell.
+fn shell_word(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-:=,+@".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
     }
 }
 

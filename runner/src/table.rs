@@ -115,7 +115,22 @@ pub fn summary(record: &Record) -> String {
         record.device.name,
         triangles.join(", ")
     );
-    text + &stability(record)
+    text + &adopted(record) + &stability(record)
+}
+
+/// Which files binary trees came from, and what that means for the time of builds.
+fn adopted(record: &Record) -> String {
+    let mut files: Vec<String> = Vec::new();
+    for adopted in record.results.iter().filter_map(|point| point.adopted.as_ref()) {
+        let one = format!("{}, built by {} in {:.3} s", adopted.name, adopted.method, adopted.built_seconds);
+        if !files.contains(&one) {
+            files.push(one);
+        }
+    }
+    if files.is_empty() {
+        return String::new();
+    }
+    format!("\nBinary trees from files: {}, which is not part of build ms.", files.join("; "))
 }
 
 /// How many samples a view has, and of what.
@@ -385,6 +400,22 @@ pub fn thousands(n: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_tree_from_a_file_is_told() {
+        let mut record = record::example();
+        assert!(!summary(&record).contains("from files"));
+        record.results[0].adopted = Some(record::Adopted {
+            name: "s.bvh".into(),
+            sha256: "a0".repeat(32),
+            method: "sbvh".into(),
+            parameters: record::Parameters::default(),
+            built_seconds: 1.25,
+            read_milliseconds: 3.0,
+        });
+        let text = summary(&record);
+        assert!(text.contains("from files: s.bvh, built by sbvh in 1.250 s, which is not part"), "{text}");
+    }
 
     #[test]
     fn numbers_keep_four_digits() {

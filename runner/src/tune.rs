@@ -78,10 +78,11 @@ struct Found {
 /// A scene or the device failed, or no sample counts.
 pub fn tune(global: &Global, arguments: &args::Tune) -> anyhow::Result<()> {
     let mut variants = Variant::select(&arguments.variant)?;
-    // The driver chooses for itself.
-    variants.retain(|variant| !variant.is_driver());
+    let first = variants[0];
+    // The driver chooses for itself, and without a tree there is nothing to choose.
+    variants.retain(|variant| variant.layout().is_some());
     if variants.is_empty() {
-        bail!("there is nothing to tune about {}: choose another variant", Variant::DRIVER);
+        bail!("there is nothing to tune about {first}: choose another variant");
     }
     for name in ["trace.primary_subgroups", "trace.secondary_subgroups", "collapse.c_t"] {
         if arguments
@@ -108,6 +109,7 @@ pub fn tune(global: &Global, arguments: &args::Tune) -> anyhow::Result<()> {
         path: path::Params {
             depth: arguments.paths.depth.unwrap_or(measure::depth(Method::Paths)),
             seed: arguments.paths.seed,
+            ..path::Params::default()
         },
         builds: 1,
         warm_up: 1,

@@ -143,14 +143,14 @@ fn check(
         "collapse",
         "",
         require(
-            subtrees == collapse::cpu::collapse(&tree, scale, &params.collapse),
+            subtrees == collapse::cpu::collapse(&tree, scale, &params.collapse()),
             "not what the CPU decides",
         )
         .map(|()| format!("{} decisions as the CPU takes them", thousands(subtrees.len() as u64))),
     )?;
 
     let size = (arguments.size.width, arguments.size.height);
-    let path = path::Params { depth: arguments.depth, seed: arguments.seed };
+    let path = path::Params { depth: arguments.depth, seed: arguments.seed, shade: params.shade.clone() };
     let tracer = PathTracer::new(gpu, &loaded.device, size, &path, false)?;
     let views = loaded.views(arguments.views.as_deref())?;
     let cameras: Vec<Camera> =
@@ -174,8 +174,8 @@ fn check(
     let judge = Judge { triangles, extent, test, by_rounding };
     oracle.ask(&judge, &rays, arguments.brute_force);
 
-    let Some(layout) = variant.layout else {
-        return check_driver(session, loaded, params, &judge, oracle, &rays, &hits, checks);
+    let Some(layout) = variant.layout() else {
+        return check_without_nodes(session, loaded, variant, params, &judge, oracle, &rays, &hits, checks);
     };
     let BuildParams { contract: contracted, layout: stored_as, .. } = params.build(variant);
     let widen = Widen::new(gpu, &params.build(variant), layout)?;
@@ -262,11 +262,13 @@ fn check(
     Ok(())
 }
 
-/// Checks what the driver finds in its own tree; what that is like it does not tell.
+/// Checks what is found where there are no nodes of ours: in the driver's own tree, of which it does not tell what it is
+/// like, or without one.
 #[expect(clippy::too_many_arguments, reason = "all that is known of a scene by then")]
-fn check_driver(
+fn check_without_nodes(
     session: &Session,
     loaded: &Loaded,
+    variant: Variant,
     params: &Params,
     judge: &Judge<'_>,
     oracle: &Oracle,
@@ -274,13 +276,27 @@ fn check_driver(
     hits: &[Hit],
     checks: &mut Checks,
 ) -> anyhow::Result<()> {
-    let plant = session.plant(loaded, Variant::DRIVER, params, None, 1, |_| ())?;
-    let Plant::Planted(planted) = plant else { bail!("the driver's tree does not go by view") };
-    let traversal = session.traversal(&planted.tree, Variant::DRIVER, params, Counting::Nothing)?;
-    let found = trace(session, &traversal, Wave::Secondary, &planted.tree, rays)?;
-    checks.report("hits", "", judge.same_hits(rays, hits, &found))?;
-    checks.report("distances", "", judge.tells_distances(rays, &found))?;
-    checks.report("brute force", "", oracle.agrees(judge, rays, &found))
+    let plant = session.plant(loaded, variant, params, None, 1, |_| ())?;
+    let Plant::Planted(planted) = plant else { bail!("{variant} does not go by view") };
+    let traversal = session.traversal(&planted.tree, variant, params, Counting::Nothing)?;
+    // One pipeline of the driver's is for both kinds of wavefronts.
+    let waves = if variant.is_driver() { &[Wave::Secondary][..] } else { &[Wave::Primary, Wave::Secondary] };
+    for &wave in waves {
+        let found = trace(session, &traversal, wave, &planted.tree, rays)?;
+        if variant == Variant::BLANK {
+            let hit = found.iter().filter(|hit| **hit != Hit::NONE).count();
+            let nothing = require(hit == 0, format!("{hit} rays hit something"));
+            let looked = || format!("{} rays, and none hits anything", thousands(rays.len() as u64));
+            checks.report("misses", "", nothing.map(|()| looked()))?;
+            continue;
+        }
+        checks.report("hits", "", judge.same_hits(rays, hits, &found))?;
+        if variant.is_driver() {
+            checks.report("distances", "", judge.tells_distances(rays, &found))?;
+        }
+        checks.report("brute force", "", oracle.agrees(judge, rays, &found))?;
+    }
+    Ok(())
 }
 
 fn trace(

@@ -6,13 +6,16 @@ use std::sync::LazyLock;
 use tracer::driver;
 use tracer::gpu::DeviceInfo;
 use tracer::layout::Layout;
+use tracer::list::Listing;
 use tracer::traverse::Language::{self, Glsl, Slang};
+use tracer::traverse::Structure;
 
-/// A variant; its name follows the thesis: `<Arity> [Slang] [Quantized] [CBTC]`, or `Wide8 Compressed`, or `Driver`.
+/// A variant; its name follows the thesis: `<Arity> [Slang] [Quantized] [CBTC]`, or `Wide8 Compressed`, or it is one of
+/// RTRS's handlers, `Blank`, `Naive`, `Direct` and `Reduced`, or `Driver`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Variant {
-    /// How nodes are stored, and how many children they have; nothing where the driver builds and traces.
-    pub layout: Option<Layout>,
+    /// What rays are traced through.
+    pub structure: Structure,
     /// What its traversal is written in; without meaning where that is the driver's.
     pub language: Language,
     /// Whether boxes share a node according to how often sample rays of a view visit them.
@@ -20,7 +23,7 @@ pub struct Variant {
 }
 
 const fn of(layout: Layout, language: Language, by_view: bool) -> Variant {
-    Variant { layout: Some(layout), language, by_view }
+    Variant { structure: Structure::Nodes(layout), language, by_view }
 }
 
 /// All ways to trace a layout that is not binary, in the thesis's order.
@@ -42,7 +45,17 @@ impl Variant {
     pub const BINARY: Self = of(Layout::Binary, Glsl, false);
 
     /// The driver's own ray tracing.
-    pub const DRIVER: Self = Variant { layout: None, language: Glsl, by_view: false };
+    pub const DRIVER: Self = Self::without_tree(Structure::Driver);
+
+    /// All but intersection.
+    pub const BLANK: Self = Self::without_tree(Structure::List(Listing::None));
+
+    /// Every triangle.
+    pub const NAIVE: Self = Self::without_tree(Structure::List(Listing::All));
+
+    const fn without_tree(structure: Structure) -> Self {
+        Self { structure, language: Glsl, by_view: false }
+    }
 
     /// Every variant, in the order of tables.
     pub const ALL: &[Self] = {
@@ -51,8 +64,8 @@ impl Variant {
             wide(Layout::Wide6, Layout::Quantized6),
             wide(Layout::Wide8, Layout::Quantized8),
         ];
-        const ALL: [Variant; 28] = {
-            let mut all = [Variant::BINARY; 28];
+        const ALL: [Variant; 32] = {
+            let mut all = [Variant::BINARY; 32];
             all[1] = of(Layout::Binary, Slang, false);
             let mut at = 0;
             while at < 24 {
@@ -60,7 +73,11 @@ impl Variant {
                 at += 1;
             }
             all[26] = of(Layout::Compressed8, Glsl, false);
-            all[27] = Variant::DRIVER;
+            all[27] = Variant::BLANK;
+            all[28] = Variant::NAIVE;
+            all[29] = of(Layout::Direct, Glsl, false);
+            all[30] = of(Layout::Reduced, Glsl, false);
+            all[31] = Variant::DRIVER;
             all
         };
         &ALL
@@ -73,18 +90,26 @@ impl Variant {
             let all = Layout::ALL.iter().flat_map(|&layout| {
                 Language::ALL.map(|language| [false, true].map(|by_view| of(layout, language, by_view)))
             });
-            all.flatten().chain([Variant::DRIVER]).map(|variant| (variant, variant.spelled())).collect()
+            let others = [Variant::BLANK, Variant::NAIVE, Variant::DRIVER];
+            all.flatten().chain(others).map(|variant| (variant, variant.spelled())).collect()
         });
         &NAMES[&self]
     }
 
     fn spelled(self) -> String {
-        let Some(layout) = self.layout else { return "Driver".into() };
+        let layout = match self.structure {
+            Structure::Nodes(layout) => layout,
+            Structure::Driver => return "Driver".into(),
+            Structure::List(Listing::None) => return "Blank".into(),
+            Structure::List(Listing::All) => return "Naive".into(),
+        };
         let arity = match layout {
             Layout::Binary => "Binary",
             Layout::Wide4 | Layout::Quantized4 => "Wide4",
             Layout::Wide6 | Layout::Quantized6 => "Wide6",
             Layout::Wide8 | Layout::Quantized8 | Layout::Compressed8 => "Wide8",
+            Layout::Direct => "Direct",
+            Layout::Reduced => "Reduced",
         };
         let words = [
             ("Slang", self.language == Slang),
@@ -98,8 +123,8 @@ impl Variant {
 
     /// What its traversal is written in.
     pub fn language(self) -> &'static str {
-        match (self.layout, self.language) {
-            (None, _) => "driver",
+        match (self.structure, self.language) {
+            (Structure::Driver, _) => "driver",
             (_, Glsl) => "GLSL",
             (_, Slang) => "Slang",
         }
@@ -110,9 +135,19 @@ impl Variant {
         self.language.missing()
     }
 
+    /// How nodes are stored, and how many children they have; nothing where there are none of ours.
+    pub fn layout(self) -> Option<Layout> {
+        self.structure.layout()
+    }
+
     /// Whether the driver builds and traces.
     pub fn is_driver(self) -> bool {
-        self.layout.is_none()
+        self.structure == Structure::Driver
+    }
+
+    /// Whether there is a tree; `all` and other patterns name no other variant.
+    pub fn has_tree(self) -> bool {
+        !matches!(self.structure, Structure::List(_))
     }
 
     /// Why a device does not have it, although this build does; nothing where it does.
@@ -129,7 +164,8 @@ impl Variant {
     }
 
     /// The variants that `pattern` names, whether this build has them or not: `*` stands for any text, `all` for
-    /// every variant, and case does not matter. A `!` before it is not looked at.
+    /// every variant, and case does not matter. Those without a tree, of which one takes too long for most scenes, are
+    /// named by their whole names only. A `!` before it is not looked at.
     ///
     /// # Errors
     /// It names none.
@@ -139,6 +175,7 @@ impl Variant {
         let is = |name: String| matches(&wanted, &name) || matches(&wanted, &(name + " "));
         let named: Vec<Self> = Self::ALL
             .iter()
+            .filter(|variant| variant.has_tree() || wanted == variant.name().to_lowercase())
             .filter(|variant| wanted == "all" || is(variant.name().to_lowercase()))
             .copied()
             .collect();
@@ -229,10 +266,11 @@ mod tests {
     #[test]
     fn variants_are_chosen_once_and_wrong_names_are_explained() {
         let all = Variant::select(&["all".into(), "binary".into(), "*".into()]).unwrap();
-        let built: Vec<_> = Variant::ALL.iter().filter(|v| v.missing().is_none()).copied().collect();
+        let built: Vec<_> =
+            Variant::ALL.iter().filter(|v| v.missing().is_none() && v.has_tree()).copied().collect();
         assert_eq!(all, built);
         let glsl = Variant::select(&["all".into(), "!* Slang *".into()]).unwrap();
-        assert_eq!(glsl.len(), 15);
+        assert_eq!(glsl.len(), 17);
         assert!(glsl.iter().all(|variant| variant.language == Glsl));
         assert!(Variant::select(&["Wide4".into(), "!Wide*".into()]).is_err());
         let languages = if Slang.missing().is_none() { 2 } else { 1 };
@@ -245,9 +283,13 @@ mod tests {
         let error = Variant::select(&["Trinary".into()]).unwrap_err().to_string();
         assert!(error.contains("Trinary") && error.contains("Wide8 Quantized CBTC"), "{error}");
         assert_eq!(Variant::one("BINARY").unwrap(), Variant::BINARY);
-        assert_eq!(Variant::one("wide4 quantized").unwrap().layout, Some(Layout::Quantized4));
+        assert_eq!(Variant::one("wide4 quantized").unwrap().layout(), Some(Layout::Quantized4));
         assert_eq!(Variant::one("driver").unwrap(), Variant::DRIVER);
         assert!(Variant::one("wide4*").is_err());
+        assert_eq!(Variant::one("naive").unwrap(), Variant::NAIVE);
+        assert!(Variant::select(&["Nai*".into()]).is_err());
+        let some = ["Blank", "Direct", "*", "!Naive", "!Blank"].map(String::from);
+        assert!(Variant::select(&some).unwrap().iter().all(|variant| variant.has_tree()));
     }
 
     #[test]
@@ -255,7 +297,7 @@ mod tests {
         let mut names: Vec<_> = Variant::ALL.iter().map(|v| v.name()).collect();
         names.sort_unstable();
         names.dedup();
-        assert_eq!(names.len(), 28);
+        assert_eq!(names.len(), 32);
     }
 
     #[test]
@@ -266,7 +308,8 @@ mod tests {
         assert_eq!(names, first);
         assert_eq!(Variant::ALL[25].name(), "Wide8 Slang Quantized CBTC");
         assert_eq!(Variant::ALL[26].name(), "Wide8 Compressed");
-        assert_eq!(Variant::ALL[27].name(), "Driver");
+        let last: Vec<_> = Variant::ALL[27..].iter().map(|v| v.name()).collect();
+        assert_eq!(last, ["Blank", "Naive", "Direct", "Reduced", "Driver"]);
         assert_eq!(of(Layout::Binary, Slang, true).name(), "Binary Slang CBTC");
     }
 

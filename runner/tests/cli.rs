@@ -36,7 +36,8 @@ fn text(bytes: &[u8]) -> String {
 fn built() -> usize {
     let listed = works(folder().path(), "variants --json").stdout;
     let listed: serde_json::Value = serde_json::from_slice(&listed).unwrap();
-    listed.as_array().unwrap().iter().filter(|variant| variant["missing"].is_null()).count()
+    let with_tree = |variant: &&serde_json::Value| variant["name"] != "Blank" && variant["name"] != "Naive";
+    listed.as_array().unwrap().iter().filter(with_tree).filter(|variant| variant["missing"].is_null()).count()
 }
 
 /// Runs it, requires success and returns what it printed.
@@ -545,7 +546,8 @@ fn every_variant_is_measured_and_compared() {
             }
         }
         let children = point.of_trees(|t| t.average_children).unwrap();
-        assert_eq!(point.variant.starts_with("Binary"), children == 2.0, "{}: {children}", point.variant);
+        let binary = ["Binary", "Binary Slang", "Direct", "Reduced"].contains(&point.variant.as_str());
+        assert_eq!(binary, children == 2.0, "{}: {children}", point.variant);
         // What a variant has of its own is in its point.
         let compressed = point.variant == "Wide8 Compressed";
         let wide = point.variant.starts_with("Wide8") || point.variant.starts_with("Wide6");
@@ -598,6 +600,92 @@ fn a_tree_with_spatial_splits_is_measured_validated_and_kept() {
     fails(here.path(), "run cornell --variant *Compressed --set contract.p_max=4", 1, &["contract.p_max=3"]);
 }
 
+/// Those of RTRS, with trees and without, on an orbit and by its own build.
+#[test]
+fn memory_lean_nodes_are_measured_beside_no_tree() {
+    let here = folder();
+    let four = "--variant Blank --variant Naive --variant Direct --variant Reduced";
+    let line = format!(
+        "run cornell:triangles=300,orbit=3 {four} --samples 2 --size 24x14 --builds 1 --depth 3 \
+         --set build.method=midpoint --set collapse.max_leaf=8 --validate -o x.json"
+    );
+    works(here.path(), &line);
+    let record = valid(&here.path().join("x.json"));
+    let names: Vec<_> = record.results.iter().map(|point| point.variant.as_str()).collect();
+    assert_eq!(names, ["Blank", "Naive", "Direct", "Reduced"]);
+    let bytes: Vec<_> = record.results.iter().map(|point| point.tree.node_bytes.unwrap()).collect();
+    // Of the same tree: 2w + 1 nodes of 40 bytes, 3w + 2 items of 16.
+    let wide = (bytes[2] / 40 - 1) / 2;
+    assert_eq!((bytes[0], bytes[1], bytes[3]), (0, 0, 16 * (3 * wide + 2)));
+    for point in &record.results {
+        let phases: Vec<&str> = point.build.repetitions[0].phases.iter().map(|p| p.name.as_str()).collect();
+        let tree = ["Direct", "Reduced"].contains(&point.variant.as_str());
+        assert_eq!(phases.contains(&"midpoint"), tree, "{}: {phases:?}", point.variant);
+        assert_eq!(
+            point.views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(),
+            ["orbit_0", "orbit_1", "orbit_2"]
+        );
+        // From some places on the circle the room is seen from outside, and paths leave.
+        let depths = if point.variant == "Blank" { 1..=1 } else { 2..=3 };
+        for sample in point.views.iter().flat_map(|view| &view.samples) {
+            assert!(depths.contains(&sample.depths.len()), "{}: {:?}", point.variant, sample.depths);
+            let traced: f64 = sample.depths.iter().map(|launch| launch.milliseconds).sum();
+            assert!(sample.frame_milliseconds.unwrap() > traced, "{}: shading takes time", point.variant);
+        }
+    }
+    let tested = record.results[1].counters().unwrap().all();
+    assert_eq!(tested.triangles, tested.rays * record.results[1].scene.triangles);
+
+    let line = format!(
+        "run cornell:triangles=300 {four} --samples 2 --size 24x14 --views 0 --method replay -o y.json"
+    );
+    works(here.path(), &line);
+    let replayed = valid(&here.path().join("y.json"));
+    let rays = |at: usize| -> Vec<u64> {
+        replayed.results[at].views[0].samples[0].depths.iter().map(|launch| launch.rays).collect()
+    };
+    assert!(
+        rays(0).len() > 3 && (1..4).all(|at| rays(at) == rays(0)),
+        "the same rays for all: {:?}",
+        rays(0)
+    );
+
+    let line =
+        format!("validate cornell:triangles=300 {four} --size 24x14 --set build.method=midpoint --validate");
+    let found = text(&works(here.path(), &line).stdout);
+    assert!(
+        found.contains("none hits anything") && found.trim_end().ends_with("everything holds"),
+        "{found}"
+    );
+    fails(here.path(), "run city:triangles=70000 --variant Naive", 1, &["65536", "Direct"]);
+    fails(
+        here.path(),
+        "run cornell --variant Reduced --set collapse.max_leaf=9",
+        1,
+        &["collapse.max_leaf=8"],
+    );
+}
+
+#[test]
+fn local_shading_is_rendered_and_measured() {
+    let here = folder();
+    works(here.path(), "render cornell:triangles=300 --size 24x14 --samples 2 -o path.png");
+    works(
+        here.path(),
+        "render cornell:triangles=300 --size 24x14 --samples 2 --integrator phong -o phong.png",
+    );
+    let [path, phong] = ["path.png", "phong.png"].map(|name| fs::read(here.path().join(name)).unwrap());
+    assert_ne!(path, phong);
+    let line = "run cornell:triangles=300 --integrator phong --samples 1 --size 24x14 --views 0 --builds 1 -o x.json";
+    works(here.path(), line);
+    let record = valid(&here.path().join("x.json"));
+    assert_eq!(record.parameters.get("shade.integrator").unwrap().to_string(), "phong");
+    // Nothing there mirrors.
+    assert_eq!(record.results[0].views[0].samples[0].depths.len(), 1);
+    fails(here.path(), "run cornell --integrator phonk", 2, &["path, phong"]);
+    fails(here.path(), "run cornell --set shade.specular=2", 1, &["shade.specular is from 0 to 1"]);
+}
+
 #[test]
 fn a_user_validates_a_scene() {
     let here = folder();
@@ -626,6 +714,8 @@ fn variants_are_listed_with_their_nodes() {
         ("Wide6 Quantized CBTC", 64),
         ("Wide8 Quantized", 76),
         ("Wide8 Compressed", 80),
+        ("Direct", 40),
+        ("Reduced", 16),
     ] {
         let row = table.lines().find(|l| l.starts_with(&format!("{name}  "))).unwrap();
         assert!(row.contains(&format!(" {bytes} ")) && row.contains("GLSL"), "{row}");
@@ -633,12 +723,12 @@ fn variants_are_listed_with_their_nodes() {
     let json: serde_json::Value =
         serde_json::from_slice(&works(here.path(), "variants --json").stdout).unwrap();
     let all = json.as_array().unwrap();
-    assert_eq!(all.len(), 28);
+    assert_eq!(all.len(), 32);
     let slang = all.iter().filter(|variant| variant["language"] == "Slang");
     assert_eq!(slang.clone().count(), 13);
     // Where the build has no Slang compiler, all of them are unavailable, and nothing else that is ours.
     let glsl = |variant: &serde_json::Value| variant["language"] == "GLSL" && variant["missing"].is_null();
-    assert_eq!(all.iter().filter(|variant| glsl(variant)).count(), 14);
+    assert_eq!(all.iter().filter(|variant| glsl(variant)).count(), 18);
     let without_slang = slang.clone().all(|variant| variant["missing"].is_string());
     for variant in slang {
         let name = variant["name"].as_str().unwrap();
@@ -693,6 +783,210 @@ fn a_replay_launches_the_rays_of_each_bounce_ten_times() {
     }
     let single = format!("{line} --method replay --set trace.kernels=single");
     fails(here.path(), &single, 1, &["replay", "trace.kernels"]);
+}
+
+/// A model of two triangles, one of them far up.
+const LEAVES: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 9 0\nv 1 9 0\nv 0 9 1\nf 1 2 3\nf 4 5 6\n";
+
+#[test]
+fn a_precomputed_tree_takes_the_place_of_building_one() {
+    let here = folder();
+    let path = |name: &str| here.path().join(name);
+    let scene = "sphereflake:triangles=2000";
+    for (build, method, phase) in [
+        ("", "ploc", "ploc"),
+        ("--build hploc", "hploc", "hploc"),
+        ("--build sbvh --set sbvh.alpha=1e-4", "sbvh", "sbvh"),
+    ] {
+        let mut precompute = runner(here.path(), &format!("bvh precompute {scene} {build} -o new/s.bvh"));
+        let output = precompute.env("XDG_CACHE_HOME", path("cache")).output().unwrap();
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let said = text(&output.stdout);
+        assert!(said.contains(&format!("built by {method}")), "{said}");
+        let line = format!("run {scene} --views 0 --samples 1 --size 32x18 --builds 2");
+        works(
+            here.path(),
+            &format!("{line} --bvh new/s.bvh --variant Wide4 --variant Wide4*d*CBTC -o p.json"),
+        );
+        let record = valid(&path("p.json"));
+        for point in &record.results {
+            let adopted = point.adopted.as_ref().unwrap();
+            assert_eq!((&*adopted.name, &*adopted.method), ("s.bvh", method));
+            assert!(said.contains(&adopted.sha256) && adopted.built_seconds > 0.0, "{adopted:?}");
+            let parameters = record.parameters_of(point);
+            assert_eq!(parameters.get("build.method").unwrap().to_string(), method);
+            assert_eq!(parameters.get("bvh.sha256").unwrap().to_string(), adopted.sha256);
+            for (name, value) in &adopted.parameters.0 {
+                assert!(name.starts_with(phase) || name.starts_with("morton"), "{name}");
+                assert_eq!(parameters.get(name), Some(value), "{name}");
+            }
+            for build in &point.build.repetitions {
+                let phases: Vec<&str> = build.phases.iter().map(|phase| &*phase.name).collect();
+                assert!(phases.contains(&"adopt") && phases.contains(&"layout"), "{phases:?}");
+                assert!(
+                    !phases.iter().any(|phase| ["ploc", "hploc", "sort", "sbvh"].contains(phase)),
+                    "{phases:?}"
+                );
+                assert!(
+                    build.milliseconds >= build.phases.iter().map(|phase| phase.milliseconds).sum::<f64>()
+                );
+            }
+        }
+        assert!(record.results.iter().any(|point| point.variant == "Wide4 Quantized CBTC"));
+        // The tree is the one that is built otherwise, and its rays hit the same.
+        let set = match method {
+            "sbvh" => "--set build.method=sbvh --set sbvh.alpha=1e-4",
+            "hploc" => "--set build.method=hploc",
+            _ => "",
+        };
+        let mut built = runner(here.path(), &format!("{line} {set} --variant Wide4 -o q.json"));
+        assert!(built.env("XDG_CACHE_HOME", path("cache")).output().unwrap().status.success());
+        let built = valid(&path("q.json"));
+        assert_eq!(built.results[0].adopted, None);
+        assert_eq!(built.results[0].tree, record.results[0].tree);
+        // What rays meet varies a little from run to run, as lanes wait for each other; how many go on does not.
+        let met = |record: &Record| {
+            let counters = record.results[0].views[0].counters.clone().unwrap();
+            counters.depths.iter().map(|depth| depth.rays).collect::<Vec<_>>()
+        };
+        assert_eq!(met(&built), met(&record));
+    }
+
+    let sound = fs::read(path("new/s.bvh")).unwrap();
+    let damage = |bytes: &[u8]| fs::write(path("d.bvh"), bytes).unwrap();
+    let line = format!("run {scene} --bvh d.bvh");
+    let way_out = "runner bvh precompute sphereflake:triangles=2000 -o d.bvh";
+    for at in [12, 40, 70, sound.len() / 2, sound.len() - 1] {
+        let mut bytes = sound.clone();
+        bytes[at] ^= 0x10;
+        damage(&bytes);
+        fails(here.path(), &line, 1, &["d.bvh is damaged", "checksum", way_out]);
+    }
+    damage(&sound[..sound.len() - 7]);
+    fails(here.path(), &line, 1, &["d.bvh is damaged", way_out]);
+    damage(b"an essay on trees");
+    fails(here.path(), &line, 1, &["is no file of a binary tree", way_out]);
+    let mut newer = sound.clone();
+    newer[8] = 9;
+    damage(&newer);
+    fails(here.path(), &line, 1, &["of version 9", way_out]);
+    fails(
+        here.path(),
+        "run cornell --bvh new/s.bvh",
+        1,
+        &["triangles of sphereflake", "bvh precompute cornell"],
+    );
+    fails(
+        here.path(),
+        &format!("run {scene} --bvh none.bvh"),
+        1,
+        &["cannot read none.bvh", "bvh precompute"],
+    );
+    fails(here.path(), &format!("run {scene} cornell --bvh new/s.bvh"), 1, &["one by one"]);
+    fails(here.path(), &format!("run {scene} --bvh new/s.bvh --set ploc.radius=4"), 1, &["built already"]);
+}
+
+#[test]
+fn a_constructed_scene_is_one_for_every_command() {
+    let here = folder();
+    let path = |name: &str| here.path().join(name);
+    fs::create_dir(path("models")).unwrap();
+    fs::write(path("models/leaves.obj"), LEAVES).unwrap();
+    let line = "scene construct --model models/leaves.obj 1 --scale 2 2 2 --rotate 0 0 90 --translate 0 0 -1 \
+                --model models/leaves.obj 0 --material 0.4 0.4 0.3 0.6 0.3 0.1 50 \
+                --material 0.3 0.1 0.1 0.9 0.1 0 10 --light 20 20 20 1.5 --light 0 50 25 1.8 \
+                --camera-pos 8 4 8 0 1 0 --camera-orbit --out out/tea.toml";
+    let said = text(&works(here.path(), line).stdout);
+    assert!(said.contains("4 triangles; models: 2, materials: 2, lights: 2, views: 8"), "{said}");
+    let written = fs::read_to_string(path("out/tea.toml")).unwrap();
+    assert!(written.contains("\"../models/leaves.obj\"") && written.contains("0.4, 0.4, 0.3"), "{written}");
+
+    let load = |path: PathBuf| scene::load(path.to_str().unwrap(), &SearchPath::only([]));
+    let scene = load(path("out/tea.toml")).unwrap();
+    let first = scene.positions[0].map(|corner| corner.map(|x| (x * 1e4).round() / 1e4));
+    assert_eq!(first, [[0.0, 0.0, -1.0], [0.0, 2.0, -1.0], [-2.0, 0.0, -1.0]]);
+    assert_eq!(scene.positions[2], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    assert_eq!(scene.material_ids, [1, 1, 0, 0]);
+    assert_eq!(scene.materials.len(), 2);
+    assert_eq!(scene.materials[1].albedo, [0.3, 0.1, 0.1]);
+    assert_eq!(scene.materials[0].phong.unwrap().shininess, 50.0);
+    assert_eq!(
+        (scene.lights.len(), scene.lights[1].position, scene.lights[1].strength),
+        (2, [0.0, 50.0, 25.0], 1.8)
+    );
+    assert_eq!(
+        (scene.views.len(), scene.views[0].eye, scene.views[0].target),
+        (8, [8.0, 4.0, 8.0], [0.0, 1.0, 0.0])
+    );
+    assert_eq!(scene.name, "tea");
+
+    works(here.path(), "run out/tea.toml --views 0 --samples 1 --size 16x9 --builds 1 -o r.json");
+    match &valid(&path("r.json")).results[0].scene.source {
+        Source::File { name, sha256 } => {
+            assert_eq!((&**name, &**sha256), ("tea.toml", &*scene::sha256(written.as_bytes())));
+        }
+        other => panic!("{other:?}"),
+    }
+    works(here.path(), "render out/tea.toml --view orbit_3 --samples 1 --size 16x9 -o tea.png");
+    works(here.path(), "validate out/tea.toml --variant Wide4 --views 0 --size 16x9");
+    works(here.path(), &line.replace("--camera-orbit --out out/tea.toml", "--camera-fixed --name tea"));
+    assert_eq!(load(path("scenes/tea.toml")).unwrap().views.len(), 1);
+    works(here.path(), "run tea --samples 1 --size 16x9 --builds 1");
+
+    // A model that has changed since, and one that has gone.
+    fs::write(path("models/leaves.obj"), LEAVES.replace("9", "8")).unwrap();
+    fails(here.path(), "run out/tea.toml", 1, &["leaves.obj has changed", "write the hash"]);
+    fs::remove_file(path("models/leaves.obj")).unwrap();
+    fails(here.path(), "run out/tea.toml", 1, &["needs the file ../models/leaves.obj"]);
+}
+
+#[test]
+fn a_scene_that_cannot_be_constructed_is_explained_and_not_written() {
+    let here = folder();
+    fs::write(here.path().join("leaves.obj"), LEAVES).unwrap();
+    let line = |model: &str, rest: &str| {
+        format!("scene construct --model {model} --camera-pos 8 4 8 0 1 0 --out t.toml {rest}")
+    };
+    for (model, rest, code, words) in [
+        ("leaves.obj 1", "", 1, ["material is 1", "only 0"]),
+        ("leaves.obj 2", "--material 0.4 0.4 0.3 0.6 0.3 0.1 50", 1, ["material is 2", "which is 0"]),
+        ("leaves.obj 0", "--material 0.4 1.4 0.3 0.6 0.3 0.1 50", 1, ["material 0", "from 0 to 1"]),
+        ("leaves.obj 0", "--material 0.4 0.4 0.3 0.6 inf 0.1 50", 2, ["--material", "finite"]),
+        ("leaves.obj 0", "--light 1 2 NaN 4", 2, ["--light", "finite"]),
+        ("leaves.obj 0", "--light 1 2 3 -4", 1, ["light 0", "not negative"]),
+        ("leaves.obj 0", "--scale 1 0 1", 1, ["model 0", "flat"]),
+        ("leaves.obj 0", "--camera-orbit 0", 2, ["--camera-orbit", "1..=360"]),
+        ("leaves.obj 0", "--camera-pos 0 1 0 0 1 0", 1, ["camera", "must differ"]),
+        ("none.obj 0", "", 1, ["none.obj", "cannot read"]),
+        ("leaves.png 0", "", 1, ["leaves.png", "does not read"]),
+    ] {
+        fails(here.path(), &line(model, rest), code, &words);
+        assert!(!here.path().join("t.toml").exists(), "{model} {rest}");
+    }
+    fails(here.path(), &line("leaves.obj 0", "--out t.txt"), 1, &["NAME.toml"]);
+}
+
+#[test]
+fn a_scene_of_rtrs_is_run() {
+    let here = folder();
+    let json = serde_json::json!({
+        "camera": { "pos": [0.3, 0.3, 4.0], "at": [0.3, 0.3, 0.0] },
+        "camera_controller": "Fixed",
+        "prims": [{ "indices": [0, 1, 2], "material": 0 }],
+        "vertices": [
+            { "pos": [0, 0, 0], "normal": [0, 0, 1] },
+            { "pos": [1, 0, 0], "normal": [0, 0, 1] },
+            { "pos": [0, 1, 0], "normal": [0, 0, 1] },
+        ],
+        "lights": [{ "pos": [20, 20, 20], "strength": 1.5 }],
+        "materials": [{ "color": [0.4, 0.4, 0.3], "albedo": [0.6, 0.3, 0.1], "spec": 50 }],
+    });
+    fs::write(here.path().join("tri.json"), json.to_string()).unwrap();
+    works(here.path(), "run tri.json --samples 1 --size 16x9 --builds 1 -o r.json");
+    let record = valid(&here.path().join("r.json"));
+    assert_eq!((record.results[0].scene.triangles, record.results[0].views.len()), (1, 1));
+    fs::write(here.path().join("no.json"), "{}").unwrap();
+    fails(here.path(), "run no.json", 1, &["no.json", "no scene of RTRS", "camera"]);
 }
 
 /// With one, `scripts/test-view` looks through it.

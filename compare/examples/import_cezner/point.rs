@@ -81,6 +81,7 @@ fn point(table: u32, row: &Row, columns: &Columns, index: usize) -> Point {
         scene: scene(table, row),
         variant: row.variant.clone(),
         parameters: Parameters::default(),
+        adopted: None,
         build: took(first),
         tree,
         kernels: Vec::new(),

@@ -11,6 +11,7 @@ pub mod build;
 pub mod chart;
 pub mod cost;
 pub mod draw;
+pub mod frames;
 pub mod join;
 pub mod names;
 pub mod notes;
@@ -96,13 +97,15 @@ pub enum Kind {
     Cost,
     /// Samples one after another, with the clock.
     Samples,
+    /// The time of frames as a camera goes around a scene.
+    Frames,
     /// How near the kernels come to what the device can do at best; takes --roofline.
     Roofline,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Kind; 9] = [
+    pub const ALL: [Kind; 10] = [
         Kind::Overall,
         Kind::Scenes,
         Kind::Pairs,
@@ -111,6 +114,7 @@ impl Kind {
         Kind::Build,
         Kind::Cost,
         Kind::Samples,
+        Kind::Frames,
         Kind::Roofline,
     ];
 }
@@ -126,6 +130,7 @@ impl fmt::Display for Kind {
             Kind::Build => "build",
             Kind::Cost => "cost",
             Kind::Samples => "samples",
+            Kind::Frames => "frames",
             Kind::Roofline => "roofline",
         })
     }
@@ -143,6 +148,7 @@ pub fn charts(selection: &Selection, kind: Kind, reference: &str) -> Found {
         Kind::Build => build::charts(selection),
         Kind::Cost => cost::charts(selection, reference),
         Kind::Samples => samples::charts(selection),
+        Kind::Frames => frames::charts(selection),
         Kind::Roofline => {
             Found::nothing("it takes what `runner roofline -o FILE` measures, as --roofline FILE")
         }
@@ -205,9 +211,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Exit> {
         if kind != Kind::Records {
             found.charts.iter_mut().for_each(|chart| notes::mark(chart, &obstacles));
         }
-        // That records have no points in common, or that there is no roofline, is no news unless somebody asked.
+        // That records have no points in common, or that there is no orbit or roofline, is no news unless somebody asked.
         let asked = !arguments.only.is_empty();
-        if asked || (kind != Kind::Records && (kind != Kind::Roofline || roofline.is_some())) {
+        let expected = ![Kind::Records, Kind::Frames].contains(&kind);
+        if asked || (expected && (kind != Kind::Roofline || roofline.is_some())) {
             found.remarks.iter().for_each(|remark| say(format_args!("left out of {kind}: {remark}")));
         }
         charts.extend(found.charts);

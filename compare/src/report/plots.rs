@@ -23,6 +23,7 @@ fn title(kind: Kind) -> (&'static str, bool) {
         Kind::Build => ("Where the time of builds goes", true),
         Kind::Cost => ("Cost by number of triangles", false),
         Kind::Samples => ("Samples in the order measured", true),
+        Kind::Frames => ("Frames around a scene", false),
         Kind::Roofline => ("How near to what the device can do at best", false),
     }
 }
@@ -34,7 +35,10 @@ pub fn markup(chapter: &Chapter) -> Markup {
     let mut without = Vec::new();
     for kind in Kind::ALL.into_iter().filter(|kind| ![Kind::Records, Kind::Roofline].contains(kind)) {
         let found = charts(&chapter.selection, kind, chapter.reference);
-        without.extend(found.remarks.into_iter().map(|remark| format!("{kind}: {remark}")));
+        // That there is no orbit is no news.
+        if kind != Kind::Frames {
+            without.extend(found.remarks.into_iter().map(|remark| format!("{kind}: {remark}")));
+        }
         let mut drawn = Vec::new();
         for chart in &found.charts {
             let picture = slim::svg(chart);

@@ -24,7 +24,7 @@ pub enum Kind {
     Bounces,
     /// Nodes and triangles that a ray is tested against, and bytes that it asks for, by bounce (the same, 1, 2, 7)
     Tests,
-    /// Bytes of nodes for each triangle (the same, 6)
+    /// Bytes of nodes for each triangle (the same, 6), and beside those of triangles (Lewis 2024, figure 8)
     Memory,
     /// How near the kernels come to what the device can do at best; takes --roofline
     Roofline,

@@ -289,9 +289,8 @@ fn what_a_record_lacks_is_an_error_that_says_what_to_do() {
         let records = [record];
         let input = Input::new(&records, &Filter::default(), None).unwrap();
         match (kind, kind.tables(&input)) {
-            (Kind::Scene | Kind::Bounces | Kind::Memory | Kind::Builds, tables) => {
-                assert_eq!(tables.unwrap().len(), 1)
-            }
+            (Kind::Scene | Kind::Bounces | Kind::Builds, tables) => assert_eq!(tables.unwrap().len(), 1),
+            (Kind::Memory, tables) => assert_eq!(tables.unwrap().len(), 2),
             (Kind::Tests, tables) => assert_eq!(tables.unwrap().len(), 3),
             (_, tables) => assert!(tables.unwrap_err().to_string().contains("runner"), "{kind:?}"),
         }

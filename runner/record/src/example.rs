@@ -196,6 +196,7 @@ fn measured(before: Timestamp, after: Timestamp) -> Point {
         },
         variant: "Binary".into(),
         parameters: Parameters::default(),
+        adopted: None,
         build: Build {
             repetitions: vec![
                 repetition(
@@ -273,6 +274,7 @@ fn generated() -> Point {
         },
         variant: "Wide4 CBTC".into(),
         parameters,
+        adopted: None,
         build: Build {
             repetitions: vec![repetition(0.31, [("morton", 0.05), ("sort", 0.1), ("ploc", 0.1)])],
         },

@@ -42,8 +42,8 @@ pub use host::{Commit, Host, Tool};
 pub use kernel::{Kernel, OccupancyLimit};
 pub use parameters::{Parameters, Value};
 pub use point::{
-    Adaptation, Build, Count, Counters, Exclusion, Launch, Measurement, OF_SCENE, Phase, Point, Repetition,
-    Sample, Scene, Source, Stop, Tree, Utilization, View,
+    Adaptation, Adopted, Build, Count, Counters, Exclusion, Launch, Measurement, OF_SCENE, Phase, Point,
+    Repetition, Sample, Scene, Source, Stop, Tree, Utilization, View,
 };
 pub use roofline::{NodeReads, Operation, ROOFLINE_SCHEMA, Rate, Roofline, example_roofline};
 pub use stability::{
@@ -230,10 +230,15 @@ impl Record {
         }
     }
 
-    /// All parameters that held for one point: those of the run, with the point's own on top.
+    /// All parameters that held for one point: those of the run, with the point's own on top. Where its binary tree came
+    /// from a file, `bvh.file` and `bvh.sha256` say which: its builds did less than those of others.
     pub fn parameters_of(&self, point: &Point) -> Parameters {
         let mut all = self.parameters.clone();
         all.0.extend(point.parameters.0.clone());
+        if let Some(adopted) = &point.adopted {
+            all.set("bvh.file", adopted.name.as_str());
+            all.set("bvh.sha256", adopted.sha256.as_str());
+        }
         all
     }
 }

@@ -13,6 +13,9 @@ pub struct Point {
     /// The parameters in which this point differs from the rest of the run.
     #[serde(default)]
     pub parameters: Parameters,
+    /// The file that the binary tree was taken from; absent where it was built here.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adopted: Option<Adopted>,
     /// How long the build took; of a variant that goes by view, the first build, that of the binary tree.
     pub build: Build,
     /// What the build made; of a variant that goes by view, see the views.
@@ -25,6 +28,23 @@ pub struct Point {
     /// How measuring it went; absent in records from before that was kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measurement: Option<Measurement>,
+}
+
+/// A binary tree that was built before, and stored in a file: builds begin with it, and their times are of what follows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Adopted {
+    /// Name of the file, without the folder it lay in.
+    pub name: String,
+    /// SHA-256 of its bytes, in hexadecimal.
+    pub sha256: String,
+    /// The method that the tree was built with: `ploc`, `sbvh` or `midpoint`.
+    pub method: String,
+    /// What that method went by, as `stage.name`.
+    pub parameters: Parameters,
+    /// Seconds that building it took, then: no time in this record includes them.
+    pub built_seconds: f64,
+    /// Milliseconds of reading and checking the file, once for all builds, and in none of their times.
+    pub read_milliseconds: f64,
 }
 
 /// How measuring a point went.

@@ -146,6 +146,12 @@ impl Record {
             problems.add(&format!("{at}.scene.triangles"), Fault::Empty, "no triangles");
         }
         problems.not_negative(&format!("{at}.scene.load_milliseconds"), scene.load_milliseconds);
+        if let Some(adopted) = &point.adopted {
+            let at = format!("{at}.adopted");
+            problems.sha256(&format!("{at}.sha256"), &adopted.sha256);
+            problems.not_negative(&format!("{at}.built_seconds"), adopted.built_seconds);
+            problems.not_negative(&format!("{at}.read_milliseconds"), adopted.read_milliseconds);
+        }
         check_build(&format!("{at}.build"), &point.build, problems);
         check_tree(&format!("{at}.tree"), &point.tree, scene.triangles, problems);
         let mut purposes = BTreeSet::new();
@@ -413,7 +419,7 @@ fn is_hex(text: &str, digits: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Timestamp, example};
+    use crate::{Adopted, Parameters, Timestamp, example};
     use std::time::{Duration, UNIX_EPOCH};
 
     #[test]
@@ -509,6 +515,18 @@ mod tests {
         breaks("results[0].scene.load_milliseconds", Range, |r| {
             r.results[0].scene.load_milliseconds = -0.5;
         });
+        let adopt = |r: &mut Record, sha256: &str, built_seconds| {
+            r.results[0].adopted = Some(Adopted {
+                name: "s.bvh".into(),
+                sha256: sha256.into(),
+                method: "ploc".into(),
+                parameters: Parameters::default(),
+                built_seconds,
+                read_milliseconds: 0.5,
+            });
+        };
+        breaks("results[0].adopted.sha256", Range, |r| adopt(r, "ABC", 1.0));
+        breaks("results[0].adopted.built_seconds", Range, |r| adopt(r, &"a0".repeat(32), -1.0));
         breaks("results[1].scene.source.sha256", Range, |r| {
             r.results[1].scene.source = Source::File { name: "sponza.glb".into(), sha256: "ABC".into() };
         });

@@ -318,7 +318,7 @@ const MISTAKES: &[(&str, &str, &[&str])] = &[
     // Names.
     ("scenes = [\"sphereflak\"]", "1:11", &["no scene is called", "sphereflake?"]),
     ("scenes = [\"zzz\"]", "1:11", &["no scene is called", "cornell, sphereflake"]),
-    ("scenes = [\"city:size=3\"]", "1:11", &["triangles and seed"]),
+    ("scenes = [\"city:size=3\"]", "1:11", &["triangles, seed and orbit"]),
     ("scenes = [\"a/b\"]", "1:11", &["a/b"]),
     ("variants = [\"Wide5\"]", "2:13", &["no variant is called", "Wide"]),
     ("variants = [\"Binary\", \"Wide4 Quantised\"]", "2:23", &["Wide4 Quantized?"]),
@@ -591,7 +591,7 @@ fn sets_that_are_written_are_read_again() {
                 parameters(&[
                     ("collapse.c_t", 3.0.into()),
                     ("trace.kernels", "single".into()),
-                    ("trace.primary_subgroups", (variant.layout.map_or(4, Layout::arity) as u32).into()),
+                    ("trace.primary_subgroups", (variant.layout().map_or(4, Layout::arity) as u32).into()),
                     ("trace.postpone_below", 0.1.into()),
                 ]),
             )
@@ -654,9 +654,10 @@ fn every_config_of_the_project_says_what_it_should() {
     assert_eq!(full(point("subsampling.toml")), (8, 7, 4096));
     assert_eq!(
         load("overall.toml").variants,
-        Variant::select(&["all".into(), "!*Compressed".into(), "!Driver".into()]).unwrap()
+        Variant::select(&["all", "!*Compressed", "!Direct", "!Reduced", "!Driver"].map(String::from))
+            .unwrap()
     );
-    assert_eq!(load("quick.toml").variants.len(), 14);
+    assert_eq!(load("quick.toml").variants.len(), 16);
     // So that these two can be tried without any file.
     let generated = |scene: &String| ["sphereflake", "city"].contains(&scene.as_str());
     assert!(load("quick.toml").scenes.iter().all(generated));
@@ -680,7 +681,16 @@ fn every_config_of_the_project_says_what_it_should() {
             own[0]
         );
     }
-    assert_eq!(files.len(), 19, "{files:?}");
+    assert_eq!(files.len(), 20, "{files:?}");
+    // Five turns of 40 views: the frames of the paper.
+    let rtrs = load("rtrs.toml");
+    assert!(rtrs.scenes.iter().all(|scene| scene.ends_with("orbit=40")));
+    assert_eq!((rtrs.size, rtrs.depth()), (Some(Size { width: 384, height: 288 }), 5));
+    let largest = |variant: &str| {
+        let points = rtrs.points().unwrap().into_iter();
+        points.filter(|p| p.variant.name() == variant).map(|p| p.params.collapse.max_leaf).collect::<Vec<_>>()
+    };
+    assert_eq!((largest("Direct"), largest("Reduced")), (vec![2; 3], vec![8; 3]));
 }
 
 #[test]

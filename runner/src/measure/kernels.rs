@@ -13,6 +13,7 @@ pub struct Kernels {
     /// Counts what rays meet, unless the driver traces them, which does not tell.
     pub counting: Traversal,
     counts: bool,
+    hits: bool,
 }
 
 /// How paths are traced while they are timed.
@@ -37,14 +38,19 @@ impl Kernels {
             secondary_subgroups: usual.secondary_subgroups,
             ..params
         };
-        let counts = !variant.is_driver();
+        let (counts, hits) = (!variant.is_driver(), variant != Variant::BLANK);
         let counting = if counts { Counting::Rays } else { Counting::Nothing };
-        Ok(Self { timed, counting: Traversal::new(&session.gpu, &trace, tree, counting)?, counts })
+        Ok(Self { timed, counting: Traversal::new(&session.gpu, &trace, tree, counting)?, counts, hits })
     }
 
     /// Whether what rays meet can be counted.
     pub fn count(&self) -> bool {
         self.counts
+    }
+
+    /// Whether rays can hit anything.
+    pub fn hit(&self) -> bool {
+        self.hits
     }
 
     /// Entries of the traversal stack they were compiled with.

@@ -24,12 +24,12 @@ use crate::{
 };
 use ramp::Ramp;
 use record::{Adaptation, Build, Counters, Exclusion, Measurement, Method, Point, Stop, Timestamp};
-use shots::Shots;
+use shots::{Shot, Shots};
 use std::time::{Duration, Instant};
 use stop::Verdict;
 use tracer::{
     path::{self, Camera, PathTracer},
-    traverse::Tree,
+    traverse::{Structure, Tree},
 };
 
 /// What is the same for all points of a run.
@@ -39,7 +39,7 @@ pub struct Plan {
     pub size: (u32, u32),
     /// What a sample is.
     pub method: Method,
-    /// What a path is.
+    /// What a path is; how surfaces are shaded, a point's parameters say.
     pub path: path::Params,
     /// Measured builds of each tree.
     pub builds: u32,
@@ -111,7 +111,8 @@ impl Measuring<'_> {
     /// # Errors
     /// The device failed, has too little memory, or a parameter is out of its range.
     pub fn measure(&self, views: &[usize], watch: &mut dyn Watch) -> anyhow::Result<Option<Point>> {
-        let plan = self.plan;
+        let path = path::Params { shade: self.params.shade.clone(), ..self.plan.path.clone() };
+        let plan = &Plan { path, ..self.plan.clone() };
         let scene = &self.loaded.scene;
         let (started, clock) = (Timestamp::now(), Instant::now());
         let throttled = self.telemetry.throttle_times();
@@ -127,6 +128,7 @@ impl Measuring<'_> {
             scene: describe::scene(scene),
             variant: self.variant.to_string(),
             parameters,
+            adopted: self.loaded.given().map(|given| given.adopted.clone()),
             build: Build { repetitions },
             tree: plant.statistics().clone(),
             kernels: Vec::new(),
@@ -198,10 +200,8 @@ impl Measuring<'_> {
                     break 'rounds Stop::Interrupted;
                 }
                 if first && plan.counting && kernels.count() {
-                    let counts = tracer.count(&kernels.counting, &tree, &camera, 0)?;
-                    let subgroup_size = self.session.gpu.info().subgroup_size;
-                    let depths = counts.iter().map(|c| describe::count(c, subgroup_size));
-                    own.counters = Some(Counters { depths: depths.collect() });
+                    own.counters =
+                        Some(Counters { depths: self.counts(&tracer, kernels, &tree, &camera, own)? });
                     watch.sample();
                 }
                 point.kernels = kernels.recorded();
@@ -228,6 +228,30 @@ impl Measuring<'_> {
         measurement.verdict =
             Some(plan.held.judge(&throttled, &self.telemetry.throttle_times(), milliseconds));
         Ok(Some(point))
+    }
+
+    /// What the rays of the first sample met.
+    fn counts(
+        &self,
+        tracer: &PathTracer<'_>,
+        kernels: &Kernels,
+        tree: &Tree,
+        camera: &Camera,
+        seen: &record::View,
+    ) -> anyhow::Result<Vec<record::Count>> {
+        if let Structure::List(_) = tree.structure {
+            // That is known beforehand, and tracing them once more would take as long as the sample.
+            let launches = seen.samples.first().map_or(&[][..], |sample| &sample.depths);
+            let met = |rays: u64| record::Count {
+                rays,
+                triangles: rays * u64::from(tree.listed),
+                ..record::Count::default()
+            };
+            return Ok(launches.iter().map(|launch| met(launch.rays)).collect());
+        }
+        let counts = tracer.count(&kernels.counting, tree, camera, 0)?;
+        let subgroup_size = self.session.gpu.info().subgroup_size;
+        Ok(counts.iter().map(|count| describe::count(count, subgroup_size)).collect())
     }
 
     /// Makes the tree of a view as often as trees are built, after warming up as long as that.
@@ -291,11 +315,11 @@ impl Measuring<'_> {
             if watch.interrupted() {
                 return Ok(false);
             }
-            let depths = shots.sample(view.samples.len() as u32)?;
+            let Shot { depths, frame_milliseconds } = shots.sample(view.samples.len() as u32)?;
             let moment = self.telemetry.moment();
             view.samples.push(record::Sample {
                 depths,
-                frame_milliseconds: None,
+                frame_milliseconds,
                 sm_clock_mhz: moment.sm_clock_mhz,
                 excluded: slowed(&moment, plan.clock.as_ref()),
             });

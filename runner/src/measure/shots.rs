@@ -1,7 +1,11 @@
 //! What a sample is: whole paths of its own, or the rays of every bounce launched once more.
 
 use super::{Plan, kernels::Kernels};
-use crate::session::{Bounces, Loaded, Seen, Session, TraceMemory};
+use crate::{
+    params::Params,
+    session::{Bounces, Loaded, Plant, Planted, Seen, Session, TraceMemory},
+    variant::Variant,
+};
 use record::{Launch, Method};
 use std::{
     rc::Rc,
@@ -9,9 +13,9 @@ use std::{
 };
 use tracer::{
     gpu::Pass,
-    path::{Camera, PathTracer},
+    path::{Camera, PathTracer, WaveTime},
     scene::View,
-    traverse::{Queue, Traversal, Tree, Wave},
+    traverse::{Counting, Queue, Traversal, Tree, Wave},
 };
 
 /// The samples of one view.
@@ -23,6 +27,25 @@ pub struct Shots<'a> {
     camera: &'a Camera,
     /// Of the method that replays them, the rays of each bounce.
     bounces: Option<Rc<Bounces>>,
+}
+
+/// What a sample took.
+pub struct Shot {
+    /// The traversal of each wavefront.
+    pub depths: Vec<Launch>,
+    /// All kernels, where there are others.
+    pub frame_milliseconds: Option<f64>,
+}
+
+/// What finds the hits of a scene, whatever is measured.
+fn plain(session: &Session, loaded: &Loaded) -> anyhow::Result<(Box<Planted>, Traversal)> {
+    let (variant, params) = (Variant::BINARY, Params::of(Variant::BINARY));
+    let Plant::Planted(planted) = session.plant(loaded, variant, &params, None, 1, |_| ())? else {
+        unreachable!("{variant} does not go by view")
+    };
+    // Tracers that count have room for that, and want it done.
+    let traversal = session.traversal(&planted.tree, variant, &params, Counting::Rays)?;
+    Ok((planted, traversal))
 }
 
 impl<'a> Shots<'a> {
@@ -46,9 +69,15 @@ impl<'a> Shots<'a> {
                 Some(loaded.wavefronts(&session.gpu, &seen, || {
                     let mut bounces = Vec::new();
                     let mut failed = None;
+                    // Where nothing is hit there are no bounces: they are those of another variant.
+                    let other = if kernels.hit() { None } else { Some(plain(session, loaded)?) };
+                    let (counting, tree) = match &other {
+                        Some((planted, traversal)) => (traversal, &planted.tree),
+                        None => (&kernels.counting, tree),
+                    };
                     // A traversal that counts, or would if the driver told, meets the same rays, and is there whichever
                     // kernels are timed.
-                    tracer.wavefronts(&kernels.counting, tree, camera, 0, |wave| {
+                    tracer.wavefronts(counting, tree, camera, 0, |wave| {
                         if !wave.rays.is_empty() {
                             match TraceMemory::new(&session.gpu, &wave.rays) {
                                 Ok(memory) => bounces.push(memory),
@@ -68,12 +97,16 @@ impl<'a> Shots<'a> {
     ///
     /// # Errors
     /// The device failed.
-    pub fn sample(&self, sample: u32) -> anyhow::Result<Vec<Launch>> {
+    pub fn sample(&self, sample: u32) -> anyhow::Result<Shot> {
         match &self.bounces {
             None => {
                 let measured = self.kernels.sample(self.tracer, self.tree, self.camera, sample)?;
                 let waves = measured.waves.iter();
-                Ok(waves.map(|wave| Launch { rays: wave.rays, milliseconds: wave.milliseconds }).collect())
+                let launch = |wave: &WaveTime| Launch { rays: wave.rays, milliseconds: wave.milliseconds };
+                Ok(Shot {
+                    depths: waves.map(launch).collect(),
+                    frame_milliseconds: Some(measured.milliseconds),
+                })
             }
             // Bounce after bounce in every sample, so that a slow change of the device meets all of them alike, and in one
             // submission, so that it stays busy: with one each, an H100 idled for longer than it traced and fell to
@@ -92,7 +125,8 @@ impl<'a> Shots<'a> {
                     let milliseconds = timings.milliseconds(&bounce.to_string());
                     Ok(Launch { rays: wave.count() as u64, milliseconds })
                 };
-                bounces.waves.iter().enumerate().map(launch).collect()
+                let depths = bounces.waves.iter().enumerate().map(launch).collect::<anyhow::Result<_>>()?;
+                Ok(Shot { depths, frame_milliseconds: None })
             }
         }
     }

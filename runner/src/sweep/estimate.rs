@@ -102,6 +102,7 @@ pub fn triangles(spec: &str) -> Option<u64> {
     match entry.descriptor().ok()?.source {
         Source::Generator { triangles, .. } => Some(triangles),
         Source::File { triangles, .. } => triangles,
+        Source::Models(_) => None,
     }
 }
 

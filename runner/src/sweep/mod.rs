@@ -188,7 +188,7 @@ fn plan(config: &Config, defaults: &Defaults, held: Held, clock: Option<record::
     Plan {
         size: (size.width, size.height),
         method: config.method,
-        path: path::Params { depth: config.depth(), seed: config.seed },
+        path: path::Params { depth: config.depth(), seed: config.seed, ..path::Params::default() },
         builds: config.builds.unwrap_or(defaults.builds),
         warm_up: config.warm_up,
         busy_before_point: if defaults.cpu { Duration::ZERO } else { BUSY },

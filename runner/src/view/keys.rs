@@ -24,6 +24,8 @@ pub enum Action {
     NextVariant(Step),
     /// More rays in a path, or fewer.
     Depth(Step),
+    /// The other integrator.
+    Integrator,
     /// The next heat map, or the one before; after the last one the picture.
     HeatMap(Step),
     /// Brighter or darker.
@@ -69,6 +71,7 @@ pub const TABLE: &[Row] = &[
     ("R", "back to the view as it was"),
     ("T", "next variant (with Shift the one before)"),
     ("+, -", "more or fewer rays in a path"),
+    ("I", "path tracing, or local shading by point lights with mirror reflections"),
     ("H", "heat map of nodes, boxes, triangles, or the picture again (with Shift the other way)"),
     ("E", "brighter (with Shift darker)"),
     ("C", "chart and words on or off"),
@@ -102,6 +105,7 @@ pub fn action(key: &Key, shift: bool) -> Option<Action> {
             // The same key without Shift on many keyboards.
             "+" | "=" => Action::Depth(Step::On),
             "-" | "_" => Action::Depth(Step::Back),
+            "i" => Action::Integrator,
             "h" => Action::HeatMap(step),
             "e" => Action::Exposure(step),
             "c" => Action::Chart,
@@ -173,8 +177,8 @@ mod tests {
                 actions.push(action);
             }
         }
-        // Six ways to go, nine views, two steps of the depth, and one each of the other eleven rows with keys and V.
-        assert_eq!(actions.len(), 6 + 9 + 2 + 12);
+        // Six ways to go, nine views, two steps of the depth, and one each of the other twelve rows with keys and V.
+        assert_eq!(actions.len(), 6 + 9 + 2 + 13);
     }
 
     #[test]

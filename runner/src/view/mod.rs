@@ -101,6 +101,8 @@ pub fn view(global: &Global, arguments: &Arguments) -> anyhow::Result<()> {
     for &variant in &variants {
         Params::with(variant, &arguments.tuning.set)?;
     }
+    let shade = Params::with(variants[0], &arguments.tuning.set)?.shade;
+    let integrator = shade.integrator;
     let events = match keys_can_be_read().and_then(|()| EventLoop::new().map_err(|e| why_no_window(&e))) {
         Ok(events) => events,
         Err(why) => bail!(
@@ -122,7 +124,7 @@ pub fn view(global: &Global, arguments: &Arguments) -> anyhow::Result<()> {
         false => Size { width: 1280, height: 720 },
     });
     let size = (size.width, size.height);
-    let path = path::Params { depth: arguments.depth, seed: arguments.seed };
+    let path = path::Params { depth: arguments.depth, seed: arguments.seed, shade };
     let builds = match arguments.benchmark {
         Some(_) => Builds { kept: Defaults::of(&session).builds, warm_up: true },
         None => Builds { kept: 1, warm_up: false },
@@ -145,7 +147,7 @@ pub fn view(global: &Global, arguments: &Arguments) -> anyhow::Result<()> {
         (loaded.scene.name.clone(), loaded.scene.views.clone(), first),
         available.there.clone(),
         (size, arguments.depth, arguments.exposure),
-        arguments.heatmap,
+        (integrator, arguments.heatmap),
         arguments.benchmark.map(|limit| Benchmark::new(&session, limit, size, &path)),
     );
     if looker.is_blind() {

@@ -14,24 +14,15 @@ use record::{Adaptation, Build, Counters};
 use std::time::Duration;
 use tracer::{
     gpu::Gpu,
-    path::{self, Camera, PathTracer},
+    path::{self, Camera, Integrator, PathTracer, Shading},
     traverse::Tree,
 };
 
-/// How light is found along rays. A second one gets a key in `keys`, and its kernels in [`Stage::frame`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Integrator {
-    /// Paths that bounce off surfaces until they meet light.
-    #[default]
-    Paths,
-}
-
-impl Integrator {
-    /// What the user calls it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Paths => "path tracing",
-        }
+/// What the user calls an integrator.
+pub fn name(integrator: Integrator) -> &'static str {
+    match integrator {
+        Integrator::Path => "path tracing",
+        Integrator::Phong => "local shading",
     }
 }
 
@@ -110,13 +101,13 @@ pub struct Stage<'a> {
     session: &'a Session,
     loaded: &'a Loaded,
     set: &'a [String],
-    /// What a path is, but for its depth.
+    /// What a path is, but for its depth and integrator.
     path: path::Params,
     builds: Builds,
     actor: Actor,
     tracer: PathTracer<'a>,
-    /// What the tracer was made for: size and depth.
-    room: ((u32, u32), u32),
+    /// What the tracer was made for: size, depth and integrator.
+    room: ((u32, u32), u32, Integrator),
     progress: Progress<Shot>,
     /// Sums over the samples of a heat map.
     costs: Vec<u32>,
@@ -196,7 +187,7 @@ impl<'a> Stage<'a> {
             builds,
             actor,
             tracer,
-            room: (size, path.depth),
+            room: (size, path.depth, path.shade.integrator),
             progress: Progress::new(),
             costs: Vec::new(),
         })
@@ -219,10 +210,17 @@ impl<'a> Stage<'a> {
     pub fn frame(&mut self, shot: &Shot, moving: bool) -> anyhow::Result<Option<path::Sample>> {
         debug_assert_eq!(shot.variant, self.actor.variant);
         let (session, loaded) = (self.session, self.loaded);
-        if self.room != (shot.size, shot.depth) {
-            let path = path::Params { depth: shot.depth, ..self.path.clone() };
+        let integrator = match shot.shown {
+            Shown::Light(integrator) => integrator,
+            // Primary rays are the same for both.
+            Shown::Cost(_) => self.room.2,
+        };
+        let room = (shot.size, shot.depth, integrator);
+        if self.room != room {
+            let shade = Shading { integrator, ..self.path.shade.clone() };
+            let path = path::Params { depth: shot.depth, shade, ..self.path.clone() };
             self.tracer = PathTracer::new(&session.gpu, &loaded.device, shot.size, &path, true)?;
-            self.room = (shot.size, shot.depth);
+            self.room = room;
         }
         let tracer = &self.tracer;
         let camera = Camera::new(&shot.pose.view(""), shot.size.0, shot.size.1);
@@ -242,7 +240,7 @@ impl<'a> Stage<'a> {
         }
         let sample = self.progress.next(shot);
         match shot.shown {
-            Shown::Light(Integrator::Paths) => {
+            Shown::Light(_) => {
                 if sample == 0 {
                     tracer.clear()?;
                 }
@@ -324,6 +322,7 @@ impl<'a> Stage<'a> {
             build: self.actor.build.clone(),
             tree: self.actor.plant.statistics().clone(),
             kernels: self.actor.kernels.as_ref().map(Kernels::recorded).unwrap_or_default(),
+            adopted: self.loaded.given().map(|given| given.adopted.clone()),
             views: Vec::new(),
             measurement: None,
         }
@@ -358,7 +357,7 @@ impl<'a> Stage<'a> {
             (Plant::Seedling(_), Some((_, grown))) => grown.tree,
             (Plant::Seedling(_), None) => return Ok(None),
         };
-        let ((width, height), _) = self.room;
+        let ((width, height), ..) = self.room;
         let camera = Camera::new(&pose.view(""), width, height);
         let counts = self.tracer.count(&kernels.counting, &tree, &camera, 0)?;
         self.progress.spoil();
@@ -386,7 +385,7 @@ mod tests {
             size: (4, 3),
             depth: 8,
             variant: Variant::BINARY,
-            shown: Shown::Light(Integrator::Paths),
+            shown: Shown::Light(Integrator::Path),
         };
         let mut moved = pose;
         moved.orbit(0.1, 0.0);
@@ -398,6 +397,7 @@ mod tests {
             Shot { size: (3, 4), ..shot },
             Shot { depth: 7, ..shot },
             Shot { variant: Variant::ALL[2], ..shot },
+            Shot { shown: Shown::Light(Integrator::Phong), ..shot },
             Shot { shown: Shown::Cost(Heatmap::Nodes), ..shot },
             Shot { shown: Shown::Cost(Heatmap::Boxes), ..shot },
         ] {

@@ -6,7 +6,7 @@ use super::{
     chart::{self, Entry, FAINT, History, INK, PANEL},
     draw::{self, Area},
     keys::{self, Action, Step},
-    stage::{HEAT_MAPS, Integrator, Shot, Shown, Stage},
+    stage::{self, HEAT_MAPS, Shot, Shown, Stage},
 };
 use crate::{
     args::Heatmap,
@@ -25,6 +25,7 @@ use std::{
 };
 use tracer::{
     gpu::Presenter,
+    path::Integrator,
     scene::{self, SearchPath, View},
 };
 use winit::{
@@ -114,7 +115,7 @@ impl<'a> Looker<'a> {
         (scene, views, view): (String, Vec<View>, usize),
         variants: Vec<Variant>,
         (size, depth, exposure): ((u32, u32), u32, f32),
-        heatmap: Option<Heatmap>,
+        (integrator, heatmap): (Integrator, Option<Heatmap>),
         benchmark: Option<Benchmark>,
     ) -> Self {
         Self {
@@ -134,7 +135,7 @@ impl<'a> Looker<'a> {
             size,
             depth,
             exposure,
-            integrator: Integrator::default(),
+            integrator,
             heatmap,
             history: History::default(),
             overlay: true,
@@ -214,6 +215,15 @@ impl<'a> Looker<'a> {
             }
             Action::Depth(Step::On) => self.depth = (self.depth + 1).min(MOST_DEPTH),
             Action::Depth(Step::Back) => self.depth = (self.depth - 1).max(1),
+            Action::Integrator if self.benchmark.is_some() => {
+                self.note("how light is found stays as it is while a benchmark runs");
+            }
+            Action::Integrator => {
+                self.integrator = match self.integrator {
+                    Integrator::Path => Integrator::Phong,
+                    Integrator::Phong => Integrator::Path,
+                };
+            }
             Action::HeatMap(_) if self.stage.variant().is_driver() => {
                 self.note("the driver does not tell what rays meet in its tree");
             }
@@ -369,7 +379,7 @@ impl<'a> Looker<'a> {
     /// The view, the variant, and what pixels show.
     fn in_words(&self) -> [String; 3] {
         let what = match self.shown() {
-            Shown::Light(integrator) => format!("{}, depth {}", integrator.name(), self.depth),
+            Shown::Light(integrator) => format!("{}, depth {}", stage::name(integrator), self.depth),
             Shown::Cost(heatmap) => format!("{heatmap:?} of a primary ray").to_lowercase(),
         };
         let view = self.at_view().map_or("moved", |view| view.name.as_str());

@@ -43,14 +43,14 @@ Subtree lone_triangle(float area, Costs costs) {
     return Subtree(cost, 1, 0, 0, 0);
 }
 
-// Of a node with two children: is it cheaper as a leaf of all their triangles? The root stays, because layouts keep a
-// child's box in its parent, so there has to be one.
-Subtree join_subtrees(Subtree l, Subtree r, float area, bool root, Costs costs) {
+// Of a node with two children: is it cheaper as a leaf of all their triangles, or is it one whatever it costs, `by_size`?
+// The root stays, because layouts keep a child's box in its parent, so there has to be one.
+Subtree join_subtrees(Subtree l, Subtree r, float area, bool root, bool by_size, Costs costs) {
     uint triangles = l.triangles + r.triangles;
     uint levels = 1 + max(l.levels, r.levels);
     precise float as_inner = costs.traversal * area + (l.cost + r.cost);
     precise float as_leaf = costs.intersection * area * float(triangles);
-    if (triangles <= costs.max_leaf && as_leaf <= as_inner && !root) {
+    if (triangles <= costs.max_leaf && (by_size || as_leaf <= as_inner) && !root) {
         return Subtree(as_leaf, triangles, 0, 0, levels);
     }
     return Subtree(as_inner, triangles, 1 + l.inner + r.inner, 1 + max(l.height, r.height), levels);

@@ -14,18 +14,28 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Mat
 struct Material {
     vec3 albedo;
     vec3 emission;
+    vec4 phong;  // diffuse, specular, reflective, shininess
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Materials {
     Material items[];
+};
+struct Light {
+    vec3 position;
+    float strength;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Lights {
+    Light items[];
 };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Scene {
     Positions positions;
     MaterialIds material_ids;
     Materials materials;
+    Lights lights;
     vec3 zenith;
     vec3 horizon;
     vec3 ground;
     float extent;  // the largest absolute coordinate
+    uint light_count;
 };
 
 // A path on its way: where its light goes, and how much of it arrives. 16 bytes.

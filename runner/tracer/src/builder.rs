@@ -10,8 +10,8 @@
 //! Everything is recorded into one submission, and nothing is read back before its end: how many
 //! iterations the clustering takes, and how large each is, only the GPU knows.
 //!
-//! A binary tree can also come from elsewhere, such as [`crate::sbvh`]: then [`BuildWorkspace::adopt`] takes the place
-//! of everything before the collapse.
+//! A binary tree can also come from elsewhere, such as [`crate::sbvh`], [`crate::midpoint`] or a file ([`crate::treefile`]): then
+//! [`BuildWorkspace::adopt`] takes the place of everything before the collapse.
 
 use crate::{
     bvh2::{Bvh2, Bvh2Buffers, LevelsHeader, MAX_LEVELS, MAX_TRIANGLES},
@@ -26,10 +26,10 @@ use crate::{
     morton::{BOUNDS_BYTES, Morton, MortonParams, SceneBounds},
     ploc::{Ploc, PlocBuffers, PlocParams},
     sort::{Sort, SortBuffers, SortParams},
-    traverse::{Tree, TriangleParams, groups::STACK_PER_NODE},
+    traverse::{Structure, Tree, TriangleParams, groups::STACK_PER_NODE},
 };
 use serde::{Deserialize, Serialize};
-use std::cell::Cell;
+use std::{cell::Cell, fmt, time::Instant};
 
 /// Everything that may be chosen about a build.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -66,6 +66,21 @@ pub enum Method {
     Hploc,
     /// Spatial splits, on the CPU: [`crate::sbvh`]. Better, and slower to build.
     Sbvh,
+    /// Boxes halved in the middle, on the CPU, with leaves of all subtrees of up to `collapse.max_leaf` triangles:
+    /// [`crate::midpoint`]. RTRS's.
+    Midpoint,
+}
+
+impl fmt::Display for Method {
+    /// As `build.method` is spelt.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.pad(match self {
+            Self::Ploc => "ploc",
+            Self::Hploc => "hploc",
+            Self::Sbvh => "sbvh",
+            Self::Midpoint => "midpoint",
+        })
+    }
 }
 
 /// Why a build was refused or failed.
@@ -101,6 +116,10 @@ pub enum BuildError {
 pub struct BuildMilliseconds {
     /// Splitting in space, on the CPU; nothing where the tree is built on the device.
     pub sbvh: f64,
+    /// Halving boxes in the middle, on the CPU; nothing where the tree is built otherwise.
+    pub midpoint: f64,
+    /// Copying a binary tree to the device that was made before; nothing where it was made for this build.
+    pub adopt: f64,
     /// Scene bounds and Morton codes.
     pub morton: f64,
     /// Sorting the codes.
@@ -119,11 +138,24 @@ pub struct BuildMilliseconds {
     pub total: f64,
 }
 
+/// What was done on the CPU before the first dispatch, in milliseconds.
+#[derive(Clone, Copy, Debug, Default)]
+struct Before {
+    /// Splitting in space.
+    sbvh: f64,
+    /// Halving boxes in the middle.
+    midpoint: f64,
+    /// Copying a tree to the device.
+    adopt: f64,
+}
+
 impl BuildMilliseconds {
-    fn of(timings: &Timings, sbvh: f64) -> Self {
+    fn of(timings: &Timings, Before { sbvh, midpoint, adopt }: Before) -> Self {
         let under = |name: &str| timings.milliseconds(&format!("build/{name}"));
         Self {
             sbvh,
+            midpoint,
+            adopt,
             morton: under("morton"),
             sort: under("sort"),
             ploc: under("ploc"),
@@ -131,7 +163,7 @@ impl BuildMilliseconds {
             collapse: under("collapse"),
             contract: under("contract"),
             layout: under("layout"),
-            total: sbvh + timings.milliseconds("build"),
+            total: sbvh + midpoint + adopt + timings.milliseconds("build"),
         }
     }
 }
@@ -252,7 +284,7 @@ struct Last {
     /// What it needed.
     dispatches: Dispatches,
     /// What was done on the CPU took so long.
-    milliseconds: f64,
+    before: Before,
 }
 
 /// How many dispatches to record where only the GPU knows how many there is work for.
@@ -300,14 +332,30 @@ impl Builder {
     /// A parameter is out of its documented range, or the contraction goes by view: there have to be visits
     /// first, see [`Widen`].
     pub fn new(gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Self, BuildError> {
+        Self::compile(gpu, params, layout, true)
+    }
+
+    /// The same for binary trees that [`BuildWorkspace::adopt`] is given, whatever method made them.
+    ///
+    /// # Errors
+    /// As [`Builder::new`].
+    ///
+    /// # Panics
+    /// As [`Builder::new`].
+    pub fn adopting(gpu: &Gpu, params: &BuildParams, layout: Layout) -> Result<Self, BuildError> {
+        Self::compile(gpu, params, layout, false)
+    }
+
+    fn compile(gpu: &Gpu, params: &BuildParams, layout: Layout, clusters: bool) -> Result<Self, BuildError> {
         assert!(!params.contract.method.by_view(), "{} needs a tree and visits", params.contract.method);
         let words = params.morton.words();
         let method = match params.method {
+            _ if !clusters => None,
             Method::Ploc => Some(ClusteringMethod::Ploc(Ploc::new(gpu, &params.ploc)?)),
             Method::Hploc => {
                 Some(ClusteringMethod::Hploc(Hploc::new(gpu, &params.hploc, &params.collapse, words)?))
             }
-            Method::Sbvh => None,
+            Method::Sbvh | Method::Midpoint => None,
         };
         let clustering =
             |method| Ok::<_, Error>(Clustering { sort: Sort::new(gpu, words, &params.sort)?, method });
@@ -413,7 +461,7 @@ impl Builder {
                     triangles: count,
                     leaves: count,
                     dispatches: Dispatches { iterations: 0, levels: None },
-                    milliseconds: 0.0,
+                    before: Before::default(),
                 };
                 let report = self.build_once(workspace, input, last, time_dispatches, record)?;
                 workspace.last.set(Some(last));
@@ -469,12 +517,12 @@ impl Builder {
                     triangles: count,
                     leaves: count,
                     dispatches: Dispatches { iterations, levels: Some(tail) },
-                    milliseconds: 0.0,
+                    before: Before::default(),
                 }));
                 return Ok(BuildReport {
                     summary: Summary::of(&progress, &header),
                     recorded: recorded.iterations,
-                    milliseconds: BuildMilliseconds::of(&timings, 0.0),
+                    milliseconds: BuildMilliseconds::of(&timings, Before::default()),
                     timings,
                 });
             }
@@ -535,7 +583,7 @@ impl Builder {
         Ok(BuildReport {
             summary: Summary::of(&progress, &workspace.tree.header()?),
             recorded: 0,
-            milliseconds: BuildMilliseconds::of(&timings, last.milliseconds),
+            milliseconds: BuildMilliseconds::of(&timings, last.before),
             timings,
         })
     }
@@ -629,7 +677,7 @@ impl Widen {
         Ok(BuildReport {
             summary: Summary::of(&progress, &header),
             recorded: 0,
-            milliseconds: BuildMilliseconds::of(&timings, 0.0),
+            milliseconds: BuildMilliseconds::of(&timings, Before::default()),
             timings,
         })
     }
@@ -703,14 +751,15 @@ impl WideWorkspace {
             triangles: self.stored.triangles.stored.address(),
             indices: self.stored.triangles.indices_address(),
             test: self.stored.triangles.test(),
-            layout: Some(self.layout),
+            structure: Structure::Nodes(self.layout),
+            listed: 0,
             stride: self.stride,
             stack: if self.layout.is_compressed() { STACK_PER_NODE * summary.depth } else { summary.stack },
             extent,
         }
     }
 
-    /// Copies the first `count` nodes to the host.
+    /// Copies the nodes of a wide tree of `count` to the host: [`Layout::items`] of them.
     ///
     /// # Errors
     /// A transfer failed.
@@ -720,7 +769,7 @@ impl WideWorkspace {
     pub fn read_nodes<L: NodeLayout>(&self, count: usize) -> Result<Vec<L::Node>, Error> {
         let size = size_of::<L::Node>();
         assert_eq!(size, self.layout.node_bytes(), "{} nodes in a tree of {:?}", L::NAME, self.layout);
-        let bytes: Vec<u8> = self.stored.nodes.read(0, count * self.stride)?;
+        let bytes: Vec<u8> = self.stored.nodes.read(0, self.layout.items(count) * self.stride)?;
         Ok(bytes.chunks_exact(self.stride).map(|b| bytemuck::pod_read_unaligned(&b[..size])).collect())
     }
 
@@ -734,18 +783,34 @@ impl WideWorkspace {
 }
 
 impl BuildWorkspace {
-    /// Copies a binary tree over `triangles` triangles to the device, whose making took the CPU so many milliseconds.
+    /// Copies a binary tree over `triangles` triangles to the device. Builds from it took as long before their first
+    /// dispatch as making it by a method took the CPU, `made` milliseconds; where it was there already (`None`), as long as
+    /// this copy.
     ///
     /// # Errors
     /// A transfer failed.
     ///
     /// # Panics
     /// It has more leaves than the workspace was made for.
-    pub fn adopt(&self, gpu: &Gpu, tree: &Bvh2, triangles: usize, milliseconds: f64) -> Result<(), Error> {
+    pub fn adopt(
+        &self,
+        gpu: &Gpu,
+        tree: &Bvh2,
+        triangles: usize,
+        made: Option<(Method, f64)>,
+    ) -> Result<(), Error> {
         assert!(tree.leaves <= self.capacity, "{} leaves in a workspace for {}", tree.leaves, self.capacity);
+        let started = Instant::now();
         let levels = self.tree.write(gpu, tree)?;
+        let before = match made {
+            Some((Method::Sbvh, sbvh)) => Before { sbvh, ..Before::default() },
+            Some((Method::Midpoint, midpoint)) => Before { midpoint, ..Before::default() },
+            Some((Method::Ploc | Method::Hploc, _)) | None => {
+                Before { adopt: 1e3 * started.elapsed().as_secs_f64(), ..Before::default() }
+            }
+        };
         let dispatches = Dispatches { iterations: 0, levels: Some(levels) };
-        self.last.set(Some(Last { triangles, leaves: tree.leaves, dispatches, milliseconds }));
+        self.last.set(Some(Last { triangles, leaves: tree.leaves, dispatches, before }));
         Ok(())
     }
 

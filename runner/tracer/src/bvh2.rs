@@ -159,6 +159,37 @@ impl Bvh2 {
         order.reverse();
         order
     }
+
+    /// The same tree with its inner nodes in levels, by their height, where they were in no order.
+    pub fn in_levels(self) -> Self {
+        if !self.levels.is_empty() || self.leaves == 1 {
+            return self;
+        }
+        let leaves = self.leaves;
+        let mut order = self.upwards();
+        let mut heights = vec![0u32; self.nodes.len()];
+        for &index in &order {
+            let Bvh2Node { left, right, .. } = self.nodes[index as usize];
+            heights[index as usize] = 1 + heights[left as usize].max(heights[right as usize]);
+        }
+        // The root is higher than all others, and so remains the last.
+        order.sort_by_key(|&index| (heights[index as usize], index));
+        let mut numbers: Vec<u32> = (0..self.nodes.len() as u32).collect();
+        order.iter().zip(leaves as u32..).for_each(|(&from, to)| numbers[from as usize] = to);
+        let mut nodes = self.nodes[..leaves].to_vec();
+        nodes.extend(order.iter().map(|&index| {
+            let node = self.nodes[index as usize];
+            let [left, right] = [node.left, node.right].map(|child| numbers[child as usize]);
+            Bvh2Node { left, right, ..node }
+        }));
+        let mut levels = Vec::new();
+        let mut next = leaves as u32;
+        for level in order.chunk_by(|a, b| heights[*a as usize] == heights[*b as usize]) {
+            levels.push(next..next + level.len() as u32);
+            next += level.len() as u32;
+        }
+        Self { nodes, leaves, levels }
+    }
 }
 
 /// `Levels` in `levels.glsl`, without the dispatch arguments at its end.

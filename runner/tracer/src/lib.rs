@@ -1,6 +1,7 @@
 //! Broadleaf's tracer: builds bounding volume hierarchies on the GPU, traces rays through them, and
 //! measures both. It knows nothing of sweeps or of the record's JSON.
 
+mod assemble;
 pub mod builder;
 pub mod bvh2;
 pub mod collapse;
@@ -9,7 +10,9 @@ pub mod driver;
 pub mod gpu;
 pub mod hploc;
 pub mod layout;
+pub mod list;
 pub mod measure;
+pub mod midpoint;
 pub mod morton;
 pub mod path;
 pub mod permutations;
@@ -19,6 +22,7 @@ pub mod sbvh;
 pub mod scene;
 pub mod sort;
 pub mod traverse;
+pub mod treefile;
 mod upwards;
 pub mod validate;
 
@@ -110,8 +114,24 @@ pub enum Error {
         device: String,
     },
     /// Something is asked of the driver's ray tracing that it does not tell.
-    #[error("no driver tells what rays meet in its tree, or lets one kernel trace whole paths: {0}")]
+    #[error("no driver tells what rays meet in its tree: {0}")]
     DriverTellsNot(&'static str),
+    /// One kernel is to trace whole paths where there is no tree of ours.
+    #[error(
+        "one kernel traces whole paths only through trees of ours: set trace.kernels=separate, or choose another variant"
+    )]
+    SeparateKernels,
+    /// There are no triangles to test rays against, or too many.
+    #[error(
+        "Naive tests each ray against every triangle, of 1 to {most}, and the scene has {triangles}: use a smaller scene, \
+         or Direct, which has a tree"
+    )]
+    ListTriangles {
+        /// How many there are.
+        triangles: usize,
+        /// How many there may be.
+        most: usize,
+    },
     /// The device or its driver.
     #[error(transparent)]
     Gpu(#[from] gpu::Error),

@@ -24,6 +24,10 @@ pub enum Layout {
     Quantized8,
     /// Up to eight children, 80 bytes (Ylitie et al. 2017).
     Compressed8,
+    /// Two children, 40 bytes, leaves too (Lewis 2024, listing 4).
+    Direct,
+    /// Two children, 16 bytes, leaves twice as many (Lewis 2024, listings 5 and 6).
+    Reduced,
 }
 
 impl Layout {
@@ -37,12 +41,14 @@ impl Layout {
         Self::Quantized6,
         Self::Quantized8,
         Self::Compressed8,
+        Self::Direct,
+        Self::Reduced,
     ];
 
     /// Most children of a node.
     pub const fn arity(self) -> usize {
         match self {
-            Self::Binary => 2,
+            Self::Binary | Self::Direct | Self::Reduced => 2,
             Self::Wide4 | Self::Quantized4 => 4,
             Self::Wide6 | Self::Quantized6 => 6,
             Self::Wide8 | Self::Quantized8 | Self::Compressed8 => 8,
@@ -60,6 +66,8 @@ impl Layout {
             Self::Quantized6 => "quantized6",
             Self::Quantized8 => "quantized8",
             Self::Compressed8 => "compressed8",
+            Self::Direct => "direct",
+            Self::Reduced => "reduced",
         }
     }
 
@@ -70,6 +78,8 @@ impl Layout {
             Self::Wide4 | Self::Wide6 | Self::Wide8 => "LAYOUT_WIDE",
             Self::Quantized4 | Self::Quantized6 | Self::Quantized8 => "LAYOUT_QUANTIZED",
             Self::Compressed8 => "LAYOUT_COMPRESSED",
+            Self::Direct => "LAYOUT_DIRECT",
+            Self::Reduced => "LAYOUT_REDUCED",
         }
     }
 }
@@ -85,7 +95,7 @@ impl Layout {
             Self::Quantized4 | Self::Quantized6 | Self::Quantized8 => {
                 Some(("quantized", format!("Quantized<{arity}>")))
             }
-            Self::Compressed8 => None,
+            Self::Compressed8 | Self::Direct | Self::Reduced => None,
         }
     }
 }

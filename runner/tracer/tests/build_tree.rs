@@ -17,11 +17,13 @@ use tracer::{
         compressed::Assignment,
     },
     measure::tree::stats,
+    midpoint,
     morton::{self, MortonParams},
     ploc::{self, PlocParams},
     sbvh::{self, SbvhParams},
     sort,
     traverse::TriangleTest,
+    treefile::{self, Made, Recipe},
     validate, with_layout,
 };
 
@@ -69,7 +71,7 @@ impl<'a> Collapsed<'a> {
         what: &str,
     ) -> WideBvh {
         let BuildParams { contract: params, layout: stored, .. } = params;
-        let layout = to.tree(&report.summary, 0.0).layout.expect("a layout of ours");
+        let layout = to.tree(&report.summary, 0.0).structure.layout().expect("a layout of ours");
         let what = format!("{what}, {layout:?}");
         let wide = to.read_wide(report.summary.nodes as usize).unwrap();
         assert_eq!(
@@ -131,7 +133,7 @@ fn check(builder: &Builder, workspace: &BuildWorkspace, triangles: &[Triangle], 
     let expected = match params.method {
         Method::Ploc => ploc::cpu::build(triangles, &order, bounds.scale(), &params.ploc),
         Method::Hploc => hploc::cpu::build(triangles, &codes, &order, bounds.scale(), &params.hploc),
-        Method::Sbvh => unreachable!("it is not built on the device"),
+        Method::Sbvh | Method::Midpoint => unreachable!("it is not built on the device"),
     };
     let read = Collapsed::read(workspace, triangles);
     assert_eq!(validate::bvh2(&read.tree, triangles), Ok(()), "{what}");
@@ -141,7 +143,7 @@ fn check(builder: &Builder, workspace: &BuildWorkspace, triangles: &[Triangle], 
     assert!(read.subtrees == subtrees, "{what}: subtrees differ from the twin's");
     read.check(&workspace.wide, &report, params, None, what);
 
-    let layout = workspace.wide.tree(&report.summary, 0.0).layout.expect("a layout of ours");
+    let layout = workspace.wide.tree(&report.summary, 0.0).structure.layout().expect("a layout of ours");
     if let (Layout::Binary, Some(root)) = (layout, subtrees.last()) {
         // The collapse knows what its tree costs; its sums are in single precision and in the scene's scale.
         let nodes = workspace.wide.read_nodes::<Binary>(report.summary.nodes as usize).unwrap();
@@ -732,7 +734,7 @@ fn trees_with_spatial_splits_are_widened_as_others_are() {
                 split_any |= tree.leaves > triangles.len();
                 let buffer = gpu().upload("triangles", triangles).unwrap();
                 let workspace = builder.workspace(tree.leaves).unwrap();
-                workspace.adopt(gpu(), &tree, triangles.len(), 7.0).unwrap();
+                workspace.adopt(gpu(), &tree, triangles.len(), Some((Method::Sbvh, 7.0))).unwrap();
                 let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
                 let read = Collapsed::read(&workspace, triangles);
                 assert!(read.tree == tree, "{what}: the tree that was adopted");
@@ -744,5 +746,95 @@ fn trees_with_spatial_splits_are_widened_as_others_are() {
         }
     }
     assert!(split_any, "some triangles were split");
+    assert_silent();
+}
+
+/// Of boxes halved in the middle, every subtree that is small enough is a leaf, in every layout.
+#[test]
+fn halved_trees_have_leaves_as_large_as_they_may_be() {
+    let scenes: Vec<_> = [1, 2, 3, 8, 9, 1500]
+        .into_iter()
+        .map(|n| (format!("{n} scattered"), scattered(n, 10.0, 1.0)))
+        .chain(awkward(200).into_iter().map(|(what, triangles)| (what.to_owned(), triangles)))
+        .collect();
+    for (layout, max_leaf) in
+        [(Layout::Binary, 16), (Layout::Direct, 2), (Layout::Reduced, 8), (Layout::Wide8, 1)]
+    {
+        let collapse = CollapseParams { max_leaf, by_size: true, ..Default::default() };
+        let params = BuildParams { method: Method::Midpoint, collapse, ..usual(layout) };
+        let builder = Builder::new(gpu(), &params, layout).unwrap();
+        for (what, triangles) in &scenes {
+            let tree = midpoint::build(triangles);
+            let buffer = gpu().upload("triangles", triangles).unwrap();
+            let workspace = builder.workspace(tree.leaves).unwrap();
+            workspace.adopt(gpu(), &tree, triangles.len(), Some((Method::Midpoint, 7.0))).unwrap();
+            let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
+            let read = Collapsed::read(&workspace, triangles);
+            assert!(read.tree == tree, "{what}: the tree that was adopted");
+            let subtrees = collapse::cpu::collapse(&tree, read.scale, &params.collapse);
+            assert!(read.subtrees == subtrees, "{what}: subtrees differ from the twin's");
+            let below = subtrees.split_last().map_or(&[][..], |(_, below)| below);
+            assert!(below.iter().all(|s| (s.inner == 0) == (s.triangles <= max_leaf)), "{what}");
+            read.check(&workspace.wide, &report, &params, None, what);
+            let took = report.milliseconds;
+            assert!(took.midpoint == 7.0 && took.sbvh == 0.0 && took.total >= 7.0, "{what}: {took:?}");
+        }
+    }
+    assert_silent();
+}
+
+/// More nodes than one launch gives their items to.
+#[test]
+fn items_of_many_nodes_follow_each_other() {
+    let triangles = terrain(70_000);
+    let collapse = CollapseParams { max_leaf: 1, ..Default::default() };
+    let params = BuildParams { collapse, ..BuildParams::default() };
+    let builder = Builder::new(gpu(), &params, Layout::Reduced).unwrap();
+    let workspace = builder.workspace(triangles.len()).unwrap();
+    let buffer = gpu().upload("triangles", &triangles).unwrap();
+    let report = builder.build(&workspace, &buffer, triangles.len(), false).unwrap();
+    assert!(report.summary.nodes > 1 << 16);
+    Collapsed::read(&workspace, &triangles).check(&workspace.wide, &report, &params, None, "many");
+    assert_silent();
+}
+
+/// A tree that was clustered before, and comes back from a file, takes the place of clustering: what is made of it is the
+/// same, and only what is done counts.
+#[test]
+fn a_clustered_tree_is_adopted_as_it_was_built() {
+    for layout in [Layout::Binary, Layout::Wide4, Layout::Compressed8] {
+        let params = usual(layout);
+        let builder = Builder::new(gpu(), &params, layout).unwrap();
+        let adopting = Builder::adopting(gpu(), &params, layout).unwrap();
+        for count in [1, 2, 3, 1500] {
+            let what = format!("{count} triangles, {layout:?}");
+            let triangles = scattered(count, 10.0, 3.0);
+            let buffer = gpu().upload("triangles", &triangles).unwrap();
+            let workspace = builder.workspace(count).unwrap();
+            let built = builder.build(&workspace, &buffer, count, false).unwrap();
+            let (tree, subtrees) = (workspace.read_tree().unwrap(), workspace.read_subtrees().unwrap());
+            let content = treefile::content(&triangles);
+            let recipe = Recipe::Ploc { morton: params.morton.clone(), ploc: params.ploc.clone() };
+            let made = Made { scene: "scattered".into(), recipe, seconds: 1.0 };
+            let bytes = treefile::encode(&tree, &made, &content, count);
+            let (stored, _) = treefile::decode(&bytes, &content, count).unwrap();
+            assert!(stored == tree, "{what}: the tree that was stored");
+
+            let workspace = adopting.workspace(stored.leaves).unwrap();
+            workspace.adopt(gpu(), &stored, count, None).unwrap();
+            let report = adopting.build(&workspace, &buffer, count, false).unwrap();
+            let read = Collapsed::read(&workspace, &triangles);
+            assert!(read.tree == tree && read.subtrees == subtrees, "{what}: another tree");
+            read.check(&workspace.wide, &report, &params, None, &what);
+            let (nodes, levels) = (built.summary.nodes, built.summary.levels);
+            assert_eq!((report.summary.nodes, report.summary.levels), (nodes, levels), "{what}");
+            let took = &report.milliseconds;
+            assert!(
+                (took.sort, took.ploc, took.sbvh) == (0.0, 0.0, 0.0) && took.adopt > 0.0,
+                "{what}: {took:?}"
+            );
+            assert!(took.total >= took.adopt + took.contract + took.layout, "{what}: {took:?}");
+        }
+    }
     assert_silent();
 }

@@ -2,6 +2,7 @@
 
 mod support;
 
+use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use support::{
     Planted, assert_silent, awkward, builder, builder_for, gpu, icosphere, mesh, plant, scattered, scene,
@@ -13,8 +14,11 @@ use tracer::{
     bvh2::Triangle,
     contract::{ContractParams, Contraction, VisitCounter, Visits},
     layout::Layout,
-    path::{Camera, DeviceScene, Params, PathTracer, Sample, Sampling, SingleKernel, Wavefront},
-    scene::{self as scenes, Scene, SearchPath, Sky, View},
+    path::{
+        Camera, DeviceScene, Integrator, Params, PathTracer, Sample, Sampling, Shading, SingleKernel,
+        Wavefront, phong,
+    },
+    scene::{self as scenes, Light, Material, Phong, Scene, SearchPath, Sky, View},
     traverse::{self, Counting, Counts, Hit, Ray, Traversal, Tree, TriangleTest},
 };
 
@@ -150,7 +154,7 @@ fn no_path_leaves_a_closed_room_or_meets_the_surface_it_starts_from() {
     for p in [&mut seen.eye, &mut seen.target] {
         *p = std::array::from_fn(|k| p[k] + [300.0, -100.0, 50.0][k]);
     }
-    let waves = wavefronts(&far, &seen, &Params { depth: 3, seed: 5 }, 0);
+    let waves = wavefronts(&far, &seen, &Params { depth: 3, seed: 5, ..Params::default() }, 0);
     assert_nothing_leaks("room far away", &far, &waves, &[lamp], 1.0);
     assert_silent();
 }
@@ -164,8 +168,13 @@ fn a_furnace_has_the_radiance_of_the_geometric_series() {
     let waves = wavefronts(&sphere, &inside, &Params::default(), 0);
     assert!(assert_nothing_leaks("sphere", &sphere, &waves, &[], -1.0) > 250_000);
     for depth in [1, 2, 3, 8] {
-        let (picture, samples) =
-            render(&sphere, &inside, &Params { depth, seed: 1 }, &traverse::Params::default(), 1);
+        let (picture, samples) = render(
+            &sphere,
+            &inside,
+            &Params { depth, seed: 1, ..Params::default() },
+            &traverse::Params::default(),
+            1,
+        );
         assert_eq!(samples[0].waves.len(), depth as usize);
         assert!(samples[0].waves.iter().all(|w| w.rays == PIXELS as u64), "{:?}", samples[0]);
         for channel in 0..3 {
@@ -210,8 +219,9 @@ fn the_sky_is_what_the_scene_says() {
     let mut empty = scene(scattered(4, 1.0, 0.1), [0.5; 3], [0.0; 3], [0.0; 3]);
     empty.sky = Sky { zenith: [1.0, 2.0, 3.0], horizon: [5.0, 6.0, 7.0], ground: [0.25, 0.5, 0.75] };
     let away = view([0.0, 50.0, 0.0], [60.0, 60.0, 1.0], 100.0);
-    let waves = wavefronts(&empty, &away, &Params { depth: 1, seed: 0 }, 0);
-    let (picture, _) = render(&empty, &away, &Params { depth: 1, seed: 0 }, &traverse::Params::default(), 1);
+    let waves = wavefronts(&empty, &away, &Params { depth: 1, ..Params::default() }, 0);
+    let (picture, _) =
+        render(&empty, &away, &Params { depth: 1, ..Params::default() }, &traverse::Params::default(), 1);
     let (mut up, mut down) = (0, 0);
     for (ray, &pixel) in waves[0].rays.iter().zip(&waves[0].pixels) {
         let want = empty.sky.radiance(ray.direction);
@@ -226,7 +236,7 @@ fn the_sky_is_what_the_scene_says() {
 #[test]
 fn a_picture_depends_on_its_seed_and_on_nothing_else() {
     let room = scenes::load("cornell:triangles=2000", &SearchPath::only([])).unwrap();
-    let eight = Params { depth: 4, seed: 3 };
+    let eight = Params { depth: 4, seed: 3, ..Params::default() };
     let usual = traverse::Params::default();
     let bits = |p: &[[f32; 4]]| p.as_flattened().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
     let (first, _) = render(&room, &room.views[0], &eight, &usual, 2);
@@ -282,7 +292,7 @@ fn secondary_rays_follow_the_cosine_and_are_independent() {
     let down = View { up: [0.0, 0.0, -1.0], ..view([0.0, 9.0, 0.0], [0.0, 0.0, 0.0], 60.0) };
     let mut previous: Option<Vec<(f64, f64)>> = None;
     for (seed, sample) in [(0, 0), (0, 1), (1, 0)] {
-        let waves = wavefronts(&layers, &down, &Params { depth: 3, seed }, sample);
+        let waves = wavefronts(&layers, &down, &Params { depth: 3, seed, ..Params::default() }, sample);
         let n = waves[1].rays.len();
         assert_eq!(n, PIXELS);
         for wave in &waves[1..3] {
@@ -339,7 +349,7 @@ fn primary_rays_are_spread_evenly_over_their_pixels() {
     let anything = scene(scattered(4, 1.0, 0.1), [0.5; 3], [0.0; 3], [0.0; 3]);
     // At 90 degrees the picture's half height is 1 at distance 1.
     let ahead = view([0.0; 3], [0.0, 0.0, -1.0], 90.0);
-    let waves = wavefronts(&anything, &ahead, &Params { depth: 1, seed: 9 }, 4);
+    let waves = wavefronts(&anything, &ahead, &Params { depth: 1, seed: 9, ..Params::default() }, 4);
     let place = |r: &Ray, pixel: u32| {
         let [x, y, z] = r.direction.map(f64::from);
         let half = f64::from(SIZE.1) / 2.0;
@@ -382,7 +392,7 @@ fn awkward_scenes_give_finite_pictures() {
         let (picture, _) = render(
             &lit,
             &view(eye, middle, 70.0),
-            &Params { depth: 4, seed: 0 },
+            &Params { depth: 4, ..Params::default() },
             &traverse::Params::default(),
             1,
         );
@@ -438,7 +448,14 @@ fn each_wavefront_has_a_utilization_of_its_own() {
     let sampled = Sampled::new(&balls);
     let tree = &sampled.planted.tree;
     let camera = Camera::new(&view([0.0; 3], [0.0, 0.0, -1.0], 70.0), SIZE.0, SIZE.1);
-    let tracer = PathTracer::new(gpu(), &sampled.device, SIZE, &Params { depth: 4, seed: 2 }, true).unwrap();
+    let tracer = PathTracer::new(
+        gpu(),
+        &sampled.device,
+        SIZE,
+        &Params { depth: 4, seed: 2, ..Params::default() },
+        true,
+    )
+    .unwrap();
     // The second time, nothing is left of the first.
     for sample in 0..2 {
         let waves = tracer.count(traversal(tree, Counting::Rays), tree, &camera, sample).unwrap();
@@ -476,7 +493,7 @@ fn sample_rays_count_how_often_each_node_is_visited() {
     let tree = sampled.planted.workspace.read_tree().unwrap();
     let subtrees = sampled.planted.workspace.read_subtrees().unwrap();
     let ahead = view([0.0; 3], [0.0, 0.0, -1.0], 70.0);
-    let params = Params { depth: 4, seed: 2 };
+    let params = Params { depth: 4, seed: 2, ..Params::default() };
     let tracer = PathTracer::new(gpu(), &sampled.device, SIZE, &params, true).unwrap();
     // What the same rays cost, as the kernels that count by ray find it: sample rays take the last of all
     // samples' random numbers.
@@ -554,7 +571,7 @@ fn trees_contracted_by_view_lead_to_the_same_hits() {
     let balls = two_balls();
     let sampled = Sampled::new(&balls);
     let n = balls.positions.len();
-    let params = Params { depth: 3, seed: 2 };
+    let params = Params { depth: 3, seed: 2, ..Params::default() };
     let tracer = PathTracer::new(gpu(), &sampled.device, SIZE, &params, false).unwrap();
     let ahead = view([0.0; 3], [0.0, 0.0, -1.0], 70.0);
     let camera = Camera::new(&ahead, SIZE.0, SIZE.1);
@@ -613,7 +630,7 @@ fn trees_contracted_by_view_lead_to_the_same_hits() {
 fn a_single_kernel_paints_the_same_picture() {
     let room = scenes::load("cornell:triangles=300", &SearchPath::only([])).unwrap();
     let size = (24, 16);
-    let path = Params { depth: 4, seed: 1 };
+    let path = Params { depth: 4, seed: 1, ..Params::default() };
     let device = DeviceScene::upload(gpu(), &room).unwrap();
     let camera = Camera::new(&room.views[0], size.0, size.1);
     let tracer = PathTracer::new(gpu(), &device, size, &path, false).unwrap();
@@ -650,6 +667,124 @@ fn a_single_kernel_paints_the_same_picture() {
         }
         let same = want.iter().zip(&found).filter(|(a, b)| a == b).count();
         assert!(same > 24 * 16 * 98 / 100, "{test:?}, {layout:?}: {same} pixels are the same");
+    }
+    assert_silent();
+}
+
+/// Of a picture by `phong`, each pixel is what the twin makes of its primary ray.
+#[test]
+fn a_picture_of_local_shading_is_the_one_that_the_twin_paints() {
+    let floor = [[-9.0, -3.0, -9.0], [9.0, -3.0, -9.0], [9.0, -3.0, 9.0], [-9.0, -3.0, 9.0]];
+    let mut positions = scattered(40, 8.0, 3.0);
+    positions.extend([[floor[0], floor[2], floor[1]], [floor[0], floor[3], floor[2]]]);
+    let mut room = scene(positions, [0.7; 3], [0.0; 3], [0.0; 3]);
+    let phong = |diffuse, specular, reflective, shininess| Phong { diffuse, specular, reflective, shininess };
+    let material = |albedo, phong| Material { phong, ..Material::diffuse("", albedo) };
+    room.materials = vec![
+        material([0.4, 0.4, 0.3], Some(phong(0.6, 0.3, 0.1, 50.0))),
+        material([0.3, 0.1, 0.1], Some(phong(0.9, 0.1, 0.0, 10.0))),
+        material([0.9, 0.9, 1.0], Some(phong(0.1, 0.8, 0.8, 0.0))),
+        Material { emission: [0.2, 0.1, 0.0], ..material([0.2, 0.6, 0.3], None) },
+    ];
+    room.material_ids = (0..room.positions.len() as u32).map(|i| i * 7 % 4).collect();
+    *room.material_ids.last_mut().unwrap() = 2;
+    let light = |position, strength| Light { position, strength };
+    room.lights = vec![light([20.0, 20.0, 20.0], 1.5), light([-3.0, 6.0, 2.0], 0.7)];
+    room.sky = Sky { zenith: [0.1, 0.2, 0.4], horizon: [0.3, 0.3, 0.2], ground: [0.05, 0.0, 0.1] };
+    let seen = view([1.0, 2.0, 12.0], [0.0, 0.0, 0.0], 50.0);
+    for (shade, depth) in [
+        (Shading { integrator: Integrator::Phong, ..Shading::default() }, 4),
+        (
+            Shading { integrator: Integrator::Phong, ambience: 0.0, camera_light: 0.0, ..Shading::default() },
+            4,
+        ),
+        (
+            Shading { integrator: Integrator::Phong, ambience: 0.3, camera_light: 2.0, ..Shading::default() },
+            1,
+        ),
+    ] {
+        let params = Params { depth, seed: 3, shade };
+        let primary = &wavefronts(&room, &seen, &params, 0)[0];
+        let (picture, _) = render(&room, &seen, &params, &traverse::Params::default(), 1);
+        let same = |(ray, pixel): (&Ray, &u32)| {
+            let want = phong::radiance(&room, &params.shade, ray, depth);
+            let found = picture[*pixel as usize];
+            (0..3).all(|k| (found[k] - want[k]).abs() <= 2e-3 * (1.0 + want[k].abs()))
+        };
+        let pairs: Vec<_> = primary.rays.iter().zip(&primary.pixels).collect();
+        let same = pairs.par_iter().filter(|pair| same(**pair)).count();
+        // A ray that passes an edge may see what is beside it, and does not forget it in a mirror.
+        assert!(same >= PIXELS * 997 / 1000, "{:?}: {same} of {PIXELS} pixels as in the twin", params.shade);
+        let light = picture.iter().map(|p| p[1]).sum::<f32>() / PIXELS as f32;
+        assert!(light > 0.05, "{:?}: {light}", params.shade);
+    }
+    assert_silent();
+}
+
+/// Only what mirrors sends rays on in `phong`, and they are as many as the paths that meet it.
+#[test]
+fn local_shading_goes_on_where_something_mirrors() {
+    let mut ball = scene(mesh(&icosphere(2)), [0.5; 3], [0.0; 3], [1.0; 3]);
+    let seen = view([0.0, 0.0, 3.0], [0.0; 3], 60.0);
+    let shade = Shading { integrator: Integrator::Phong, ..Shading::default() };
+    let params = Params { depth: 3, seed: 1, shade };
+    let waves = wavefronts(&ball, &seen, &params, 0);
+    assert!(waves.len() == 2 && waves[1].rays.is_empty(), "a matte ball ends all paths");
+    ball.materials[0].phong = Some(Phong { reflective: 0.5, ..phong::MATTE });
+    let waves = wavefronts(&ball, &seen, &params, 0);
+    let met = waves[0].hits.iter().filter(|hit| hit.triangle != Hit::MISS).count();
+    assert!(met > 1000 && waves[1].rays.len() == met, "{met} rays meet the ball");
+    assert_silent();
+}
+
+/// Where all is mirrored, rays leave at the angle at which they came.
+#[test]
+fn mirrored_rays_leave_as_they_came() {
+    let ball = scene(mesh(&icosphere(2)), [0.5; 3], [0.0; 3], [1.0; 3]);
+    let seen = view([0.0, 0.0, 3.0], [0.0; 3], 60.0);
+    for integrator in [Integrator::Path, Integrator::Phong] {
+        let mut ball = ball.clone();
+        let mut shade = Shading { integrator, ..Shading::default() };
+        match integrator {
+            Integrator::Path => shade.specular = 1.0,
+            Integrator::Phong => ball.materials[0].phong = Some(Phong { reflective: 1.0, ..phong::MATTE }),
+        }
+        let waves = wavefronts(&ball, &seen, &Params { depth: 2, seed: 1, shade }, 0);
+        let next: HashMap<u32, &Ray> = waves[1].pixels.iter().copied().zip(&waves[1].rays).collect();
+        let mut met = 0;
+        for ((ray, hit), pixel) in waves[0].rays.iter().zip(&waves[0].hits).zip(&waves[0].pixels) {
+            if hit.triangle == Hit::MISS {
+                assert!(!next.contains_key(pixel));
+                continue;
+            }
+            met += 1;
+            let normal = normal(&ball.positions[hit.triangle as usize]);
+            let (came, left) = (ray.direction.map(f64::from), next[pixel].direction.map(f64::from));
+            let across = dot(came, normal);
+            let off =
+                (0..3).map(|k| (came[k] - 2.0 * across * normal[k] - left[k]).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-5, "{integrator:?}: {ray:?} leaves as {:?}", next[pixel]);
+        }
+        assert!(met > 1000, "{met} rays meet the ball");
+    }
+    assert_silent();
+}
+
+/// Inside a closed surface that mirrors a share of light, light is what remains after each bounce.
+#[test]
+fn a_furnace_that_mirrors_has_the_radiance_of_its_series() {
+    let (albedo, emission) = (0.5f32, 1.0f32);
+    let mut inside = scene(mesh(&icosphere(3)), [albedo; 3], [emission; 3], [0.0; 3]);
+    let seen = view([0.1, 0.2, 0.0], [1.0, 0.0, 0.3], 90.0);
+    for (of_material, of_all) in [(None, 0.25), (Some(0.25), 0.0), (Some(0.25), 0.1), (Some(0.1), 0.25)] {
+        inside.materials[0].phong = of_material.map(|reflective| Phong { reflective, ..phong::MATTE });
+        let shade = Shading { specular: of_all, ..Shading::default() };
+        let params = Params { depth: 4, seed: 2, shade };
+        let (picture, _) = render(&inside, &seen, &params, &traverse::Params::default(), 2);
+        let remains = 0.25 + 0.75 * f64::from(albedo);
+        let want: f64 = (0..4).map(|k| remains.powi(k)).sum();
+        let found = picture.iter().map(|p| f64::from(p[0])).sum::<f64>() / (2 * PIXELS) as f64;
+        assert!((found - want).abs() < 0.01 * want, "{of_material:?}, {of_all}: {found}, not {want}");
     }
     assert_silent();
 }

@@ -25,7 +25,7 @@ fn present() -> Vec<(&'static str, PathBuf, u64)> {
                 }
                 Some((entry.name, path?, triangles.unwrap()))
             }
-            Source::Generator { .. } => None,
+            Source::Generator { .. } | Source::Models(_) => None,
         })
         .collect()
 }

@@ -14,9 +14,10 @@ use tracer::{
     collapse::CollapseParams,
     gpu::Pass,
     layout::{Layout, LayoutParams, LeafTriangles, compressed::Compressed8},
+    list::{self, Listing},
     traverse::{
-        Buffers, Counting, Counts, Hit, Language, Params, Queue, Ray, Technique, Traversal, TriangleTest,
-        Utilization, Wave, cpu,
+        Buffers, Counting, Counts, Hit, Language, Params, Queue, Ray, Technique, Traversal, Tree,
+        TriangleTest, Utilization, Wave, cpu,
         groups::{self, Fetch, Order},
     },
 };
@@ -56,8 +57,19 @@ fn trace_and_count(
     planted: &Planted,
     rays: &[Ray],
 ) -> (Vec<Hit>, Vec<Counts>, Utilization) {
+    trace_through(traversal, counting, wave, &planted.tree, rays)
+}
+
+/// The same through any tree, or none.
+fn trace_through(
+    traversal: &Traversal,
+    counting: Counting,
+    wave: Wave,
+    tree: &Tree,
+    rays: &[Ray],
+) -> (Vec<Hit>, Vec<Counts>, Utilization) {
     let n = rays.len();
-    assert!(planted.tree.stack <= traversal.stack(), "the stack is deep enough");
+    assert!(tree.stack <= traversal.stack(), "the stack is deep enough");
     let counting = counting == Counting::Rays;
     let ray_buffer = gpu().upload("rays", rays).unwrap();
     // Room for as many as the largest workgroup beyond the last ray.
@@ -76,7 +88,7 @@ fn trace_and_count(
     let mut pass = Pass::new(gpu()).unwrap();
     pass.fill(&hits, POISON);
     pass.fill(&counts, POISON);
-    traversal.record(&mut pass, "trace", wave, &planted.tree, &buffers, n);
+    traversal.record(&mut pass, "trace", wave, tree, &buffers, n);
     pass.submit().unwrap();
     let queue: Queue = queue.read(0, 1).unwrap()[0];
     assert_eq!((queue.count, queue.finished, queue.unused), (n as u32, n as u32, 0));
@@ -320,7 +332,11 @@ fn check_layout(
     // Lanes that go on with a leaf postponed visit nodes that the leaf would have cut off. Without the nearest
     // child first there would be far more.
     let ratio = nodes as f64 / twin_nodes as f64;
-    assert!((0.99..1.3).contains(&ratio), "{what}: {nodes} nodes visited, {twin_nodes} by the twin");
+    // Where all coordinates are beyond halves, or below, boxes are entered at the same distance, and ties are in
+    // another order in the twin.
+    let ties = layout == Layout::Reduced && !(1e-2..6e4).contains(&extent);
+    let least = if ties { 0.8 } else { 0.99 };
+    assert!((least..1.3).contains(&ratio), "{what}: {nodes} nodes visited, {twin_nodes} by the twin");
 }
 
 #[test]
@@ -356,6 +372,65 @@ fn every_ray_through_every_kind_of_scene_agrees_with_brute_force() {
     for (what, triangles) in awkward(500) {
         check(what, &triangles, 2_000);
     }
+    assert_silent();
+}
+
+/// Without a tree: every triangle, in as many launches as it takes, or none.
+#[test]
+fn lists_agree_with_brute_force_and_with_nothing() {
+    let mut scenes = awkward(100);
+    scenes.retain(|(what, _)| *what != "tiny");
+    scenes.push(("one", scattered(1, 10.0, 5.0)));
+    scenes.push(("terrain", terrain(1000)));
+    scenes.push(("three launches", scattered(17_000, 10.0, 0.5)));
+    for test in TriangleTest::ALL {
+        for (what, triangles) in &scenes {
+            let n = if triangles.len() > 10_000 { 300 } else { 2_000 };
+            let mut rays = awkward_rays(triangles, n);
+            rays.truncate(n);
+            let extent = triangles.as_flattened().as_flattened().iter().fold(0f32, |m, x| m.max(x.abs()));
+            let brute = brute_force(test, triangles, &rays);
+            let buffer = gpu().upload("triangles", triangles).unwrap();
+            for listing in [Listing::All, Listing::None] {
+                let what = format!("{what}, {test:?}, {listing:?}");
+                let builder = list::Builder::new(gpu(), listing, test, triangles.len()).unwrap();
+                assert!(builder.build(&buffer).unwrap() > 0.0, "{what}");
+                let list = builder.finish();
+                let LeafTriangles::Corners { triangles: twin, .. } =
+                    LeafTriangles::in_file_order(TriangleTest::Watertight, triangles)
+                else {
+                    unreachable!("the watertight test takes no maps")
+                };
+                assert!(list.triangles.read(triangles.len()).unwrap().agree(&twin), "{what}");
+                let tree = list.tree(extent);
+                for (counting, wave) in
+                    [(Counting::Rays, Wave::Primary), (Counting::Nothing, Wave::Secondary)]
+                {
+                    let traversal = Traversal::new(gpu(), &Params::default(), &tree, counting).unwrap();
+                    let (hits, counts, _) = trace_through(&traversal, counting, wave, &tree, &rays);
+                    let tested = if listing == Listing::All { triangles.len() as u32 } else { 0 };
+                    let all = Counts { nodes: 0, boxes: 0, triangles: tested, unused: 0 };
+                    assert!(counts.iter().all(|found| *found == all), "{what}");
+                    for ((ray, hit), want) in rays.iter().zip(&hits).zip(&brute) {
+                        if listing == Listing::None {
+                            assert_eq!(*hit, Hit::NONE, "{what}: {ray:?}");
+                            continue;
+                        }
+                        let nearer = if hit.t < want.t { hit } else { want };
+                        let may_differ = test != TriangleTest::Watertight && nearer.triangle != Hit::MISS;
+                        let same = agree(hit.t, want.t, ray, extent)
+                            || may_differ
+                                && cpu::passes_edge(ray, &triangles[nearer.triangle as usize], extent);
+                        assert!(same, "{what}: {ray:?}: {hit:?}, not {want:?}");
+                    }
+                }
+            }
+        }
+    }
+    let refused = |count| list::Builder::new(gpu(), Listing::All, TriangleTest::Watertight, count);
+    let error = refused(list::MOST + 1).unwrap_err().to_string();
+    assert!(error.contains("65536") && error.contains("Direct"), "{error}");
+    assert!(refused(0).is_err());
     assert_silent();
 }
 

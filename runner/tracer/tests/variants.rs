@@ -70,7 +70,8 @@ fn every_layout_gives_the_same_distances_in_every_scene() {
         let workspace = builder().workspace(n).unwrap();
         let report = builder().build(&workspace, &device.positions, n, false).unwrap();
         let binary = workspace.wide.tree(&report.summary, device.extent);
-        let tracer = PathTracer::new(gpu(), &device, SIZE, &Params { depth: 4, seed: 0 }, false).unwrap();
+        let tracer =
+            PathTracer::new(gpu(), &device, SIZE, &Params { depth: 4, ..Params::default() }, false).unwrap();
         let mut waves = Vec::new();
         for view in [&scene.views[0], &scene.views[5]] {
             let camera = Camera::new(view, SIZE.0, SIZE.1);
@@ -95,7 +96,7 @@ fn every_layout_gives_the_same_distances_in_every_scene() {
                     // precision can tell about the scene's extent.
                     let off = (hit.t - want.t).abs();
                     let near = hit.t == want.t || off <= 1e-5 * want.t + 1e-6 * device.extent;
-                    let what = format!("{name}, {:?}, depth {}", tree.layout, wave.depth);
+                    let what = format!("{name}, {:?}, depth {}", tree.structure, wave.depth);
                     assert!(near, "{what}: {ray:?}: {hit:?}, not {want:?}");
                 }
             }

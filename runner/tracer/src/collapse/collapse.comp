@@ -10,6 +10,8 @@
 // Bottom up, a level a dispatch: is a node cheaper as a leaf of all its triangles?
 
 layout(local_size_x_id = 0) in;
+// Whether all that is small enough becomes a leaf.
+layout(constant_id = 1) const uint BY_SIZE = 0;
 
 layout(push_constant, scalar) uniform Push {
     Bvh2Nodes nodes;
@@ -37,7 +39,8 @@ void visit(uint index, uint leaves, float scale) {
     Subtree l = subtree_of(node.lo_left.w, leaves, scale);
     Subtree r = subtree_of(node.hi_right.w, leaves, scale);
     bool root = index == 2 * leaves - 2;
-    subtrees.v[index - leaves] = pack_subtree(join_subtrees(l, r, area_of(node, scale), root, costs));
+    uvec4 decided = pack_subtree(join_subtrees(l, r, area_of(node, scale), root, BY_SIZE != 0, costs));
+    subtrees.v[index - leaves] = decided;
 }
 
 #include "upwards.glsl"

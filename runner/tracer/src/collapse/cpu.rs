@@ -25,7 +25,8 @@ pub fn collapse(tree: &Bvh2, scale: f32, params: &CollapseParams) -> Vec<Subtree
         let levels = 1 + l.levels.max(r.levels);
         let as_inner = params.traversal_cost * area + (l.cost + r.cost);
         let as_leaf = params.intersection_cost * area * triangles as f32;
-        let is_leaf = triangles <= params.max_leaf && as_leaf <= as_inner && index as usize != root;
+        let cheaper = params.by_size || as_leaf <= as_inner;
+        let is_leaf = triangles <= params.max_leaf && cheaper && index as usize != root;
         all[index as usize - tree.leaves] = if is_leaf {
             Subtree { cost: as_leaf, triangles, inner: 0, height: 0, levels }
         } else {

@@ -34,11 +34,15 @@ pub struct CollapseParams {
     pub intersection_cost: f32,
     /// Most triangles a leaf; 1 keeps every leaf apart, 16 is what the layouts can express.
     pub max_leaf: u32,
+    /// Whether every subtree of up to `max_leaf` triangles becomes a leaf, whatever that costs (Lewis 2024, 3.1). No
+    /// parameter: it belongs to [`crate::midpoint`].
+    #[serde(skip)]
+    pub by_size: bool,
 }
 
 impl Default for CollapseParams {
     fn default() -> Self {
-        Self { traversal_cost: 2.0, intersection_cost: 2.0, max_leaf: 16 }
+        Self { traversal_cost: 2.0, intersection_cost: 2.0, max_leaf: 16, by_size: false }
     }
 }
 
@@ -83,7 +87,7 @@ struct Push {
     level: u32,
 }
 
-/// The same as the parameters, as `Costs` in `collapse.glsl` has them.
+/// The same as the parameters but for `by_size`, as `Costs` in `collapse.glsl` has them.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct Costs {
@@ -94,7 +98,7 @@ pub(crate) struct Costs {
 
 impl From<&CollapseParams> for Costs {
     fn from(params: &CollapseParams) -> Self {
-        let &CollapseParams { traversal_cost, intersection_cost, max_leaf } = params;
+        let &CollapseParams { traversal_cost, intersection_cost, max_leaf, by_size: _ } = params;
         assert!((1..=16).contains(&max_leaf), "a leaf has 1 to 16 triangles, not {max_leaf}");
         Self { traversal: traversal_cost, intersection: intersection_cost, max_leaf }
     }
@@ -109,7 +113,8 @@ impl Collapse {
     /// # Panics
     /// `max_leaf` is not in 1 to 16.
     pub fn new(gpu: &Gpu, params: &CollapseParams) -> Result<Self, Error> {
-        Ok(Self { kernel: Upwards::new(gpu, &shaders::COLLAPSE_COLLAPSE, &[])?, costs: params.into() })
+        let kernel = Upwards::new(gpu, &shaders::COLLAPSE_COLLAPSE, &[params.by_size.into()])?;
+        Ok(Self { kernel, costs: params.into() })
     }
 
     /// Allocates the subtrees of a tree of `leaves` leaves.
@@ -152,6 +157,7 @@ mod tests {
                 size_of::<Push>(),
                 &fields!(Push: nodes, levels, subtrees, bounds, costs, level),
             )
-            .assert_items("Subtrees", size_of::<Subtree>(), None);
+            .assert_items("Subtrees", size_of::<Subtree>(), None)
+            .assert_specialization(1, "BY_SIZE");
     }
 }

@@ -20,7 +20,7 @@ use crate::{
         AccelerationStructure, Buffer, CompactedSize, DeviceInfo, Geometry, Gpu, Instance, Kernel, Launch,
         Pass, Prefer, RAY_TRACING, RayPipeline, Recipe, TRACE_INDIRECT, Timings, shaders,
     },
-    traverse::{Buffers, Tree, TriangleTest},
+    traverse::{self, Buffers, Tree, TriangleTest},
 };
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
@@ -218,7 +218,8 @@ impl Structure {
             triangles: 0,
             indices: 0,
             test: TriangleTest::default(),
-            layout: None,
+            structure: traverse::Structure::Driver,
+            listed: 0,
             stride: 0,
             stack: 0,
             extent,

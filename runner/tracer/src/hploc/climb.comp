@@ -267,7 +267,7 @@ void cluster(uint first, uint last, uint split, float scale) {
                 Subtree l = unpack_subtree(subtree[row]);
                 Subtree r = unpack_subtree(subtree_of[base + other]);
                 float area = box_half_area(box[row].lo, box[row].hi, scale);
-                subtree[row] = pack_subtree(join_subtrees(l, r, area, number == 0, costs));
+                subtree[row] = pack_subtree(join_subtrees(l, r, area, number == 0, false, costs));
                 subtrees.v[index] = subtree[row];
                 nodes.v[count + index] = bvh2_node(box[row], node[row], node_of[base + other]);
                 node[row] = count + index;

@@ -1,11 +1,10 @@
 //! The plain twin of `encode.comp` and `triangles.comp`, for every layout.
 
-use super::{Child, LayoutParams, LeafTriangle, NodeLayout, Target};
+use super::{Child, LayoutParams, LeafTriangle, NodeLayout, Stored, Target};
 use crate::{
     bvh2::{Bvh2, Triangle},
     contract::WideBvh,
 };
-use bytemuck::Zeroable;
 
 /// Of each place in the order of leaves, the leaf of the binary tree that is stored there.
 pub fn places(wide: &WideBvh, tree: &Bvh2) -> Vec<u32> {
@@ -63,9 +62,9 @@ pub fn encode<L: NodeLayout>(
             arranged
         })
         .collect();
-    let mut encoded = vec![L::Node::zeroed(); wide.nodes.len()];
+    let mut placed = vec![Stored { children: &[], triangles: 0 }; wide.nodes.len()];
     for ((node, children), &place) in wide.nodes.iter().zip(&arranged).zip(&moved) {
-        encoded[place as usize] = L::encode(children, node.triangles, params);
+        placed[place as usize] = Stored { children, triangles: node.triangles };
     }
-    (encoded, ordered)
+    (L::encode(&placed, params), ordered)
 }

@@ -12,7 +12,8 @@
 // layout's own `encode.glsl`.
 //
 // Nodes that stay in their order are first put into shared memory: a workgroup's nodes are one piece of memory, which
-// neighbouring invocations then write word by word. A compressed node has a place of its own.
+// neighbouring invocations then write word by word. A compressed node has a place of its own, and the children of a node of
+// `Direct` and `Reduced`, which are what is stored there, are not beside those of the next one.
 
 layout(local_size_x_id = 0) in;
 // Bytes from one node to the next.
@@ -29,7 +30,7 @@ layout(push_constant, scalar) uniform Push {
     WideNodes wide;
     Progress progress;
     Words nodes_out;
-    Arrangement arranged;  // of the compressed layout
+    Arrangement arranged;  // of the compressed and the reduced layout
 };
 
 struct WideNode {
@@ -69,7 +70,12 @@ uint child_code(WideNode node, uint slot, inout uint next_node, inout uint next_
 
 #if defined(LAYOUT_COMPRESSED)
 #include "layout/compressed/encode.glsl"
+#elif defined(LAYOUT_DIRECT)
+#include "layout/direct/encode.glsl"
+#elif defined(LAYOUT_REDUCED)
+#include "layout/reduced/encode.glsl"
 #else
+#define STAGED
 // Words of a node, which may be followed by others up to the next one.
 #if defined(LAYOUT_QUANTIZED)
 const uint NODE_WORDS = 7 + ARITY + ARITY / 2;
@@ -117,11 +123,13 @@ void main() {
 #if defined(LAYOUT_COMPRESSED)
             Arranged own = arranged.v[i];
             encode(Words(uint64_t(nodes_out) + uint64_t(own.place) * STRIDE), node, box, own.slots);
+#elif defined(LAYOUT_DIRECT) || defined(LAYOUT_REDUCED)
+            encode(uint64_t(nodes_out), i, node, box);
 #else
             encode(PITCH * gl_LocalInvocationIndex, node, box);
 #endif
         }
-#if !defined(LAYOUT_COMPRESSED)
+#if defined(STAGED)
         barrier();
         uint words = NODE_WORDS * min(gl_WorkGroupSize.x, count - first);
         Words to = Words(uint64_t(nodes_out) + uint64_t(first) * STRIDE);

@@ -14,13 +14,15 @@ use crate::{
 use bytemuck::{Pod, Zeroable};
 use compressed::Assignment;
 use serde::{Deserialize, Serialize};
-use std::mem::offset_of;
+use std::{mem::offset_of, ops::Range};
 
 pub mod binary;
 pub mod compressed;
 pub mod cpu;
+pub mod direct;
 mod grid;
 pub mod quantized;
+pub mod reduced;
 mod triangles;
 pub mod wide;
 
@@ -64,6 +66,14 @@ macro_rules! with_layout {
                 type $L = $crate::layout::compressed::Compressed8;
                 $body
             }
+            $crate::layout::Layout::Direct => {
+                type $L = $crate::layout::direct::Direct;
+                $body
+            }
+            $crate::layout::Layout::Reduced => {
+                type $L = $crate::layout::reduced::Reduced;
+                $body
+            }
         }
     };
 }
@@ -77,7 +87,8 @@ impl Layout {
     /// Bits of a plane under `params`.
     pub fn bits(self, params: &LayoutParams) -> u32 {
         match self {
-            Self::Binary | Self::Wide4 | Self::Wide6 | Self::Wide8 => 32,
+            Self::Binary | Self::Wide4 | Self::Wide6 | Self::Wide8 | Self::Direct => 32,
+            Self::Reduced => 16,
             Self::Quantized4 | Self::Quantized6 | Self::Quantized8 => 8,
             Self::Compressed8 => params.bits,
         }
@@ -86,6 +97,21 @@ impl Layout {
     /// Whether it is the compressed one, whose slots have an order of their own.
     pub fn is_compressed(self) -> bool {
         self == Self::Compressed8
+    }
+
+    /// Whether boxes are in the nodes that they are of, leaves included, and not in those above. Kernels then know nodes by
+    /// other numbers than their own, and do not count visits to each.
+    pub fn has_own_boxes(self) -> bool {
+        matches!(self, Self::Direct | Self::Reduced)
+    }
+
+    /// Items that the nodes of a wide tree with so many take: as many, or where leaves are no part of their parents, more.
+    pub fn items(self, nodes: usize) -> usize {
+        match self {
+            Self::Direct => 2 * nodes + 1,
+            Self::Reduced => 3 * nodes + 2,
+            _ => nodes,
+        }
     }
 
     /// What it can express.
@@ -197,9 +223,19 @@ pub struct Child {
     pub target: Target,
 }
 
+/// A node of a wide tree that is to be stored: the one whose number is its place among others.
+#[derive(Clone, Copy, Debug)]
+pub struct Stored<'a> {
+    /// The children in their slots. Nodes, and triangles of leaves, follow each other; where the order of slots means
+    /// nothing, leaves come before nodes, and no slot between them is empty.
+    pub children: &'a [Option<Child>],
+    /// Triangles in the whole subtree.
+    pub triangles: u32,
+}
+
 /// How nodes are stored.
 pub trait NodeLayout {
-    /// One node's bytes.
+    /// One node's bytes; where leaves are no part of their parents, those of an item that nodes and leaves are made of.
     type Node: Pod + Send + Sync;
     /// As it appears in messages.
     const NAME: &'static str;
@@ -208,8 +244,14 @@ pub trait NodeLayout {
     /// What it can express.
     const LIMITS: Limits;
 
-    /// The child in a slot, `slot < LIMITS.children`; `None` where the slot is empty.
-    fn child(node: &Self::Node, slot: usize) -> Option<Child>;
+    /// The child in a slot of a node, `slot < LIMITS.children`; `None` where the slot is empty.
+    fn child(nodes: &[Self::Node], index: u32, slot: usize) -> Option<Child>;
+
+    /// The items that only the child in this slot takes, which is a leaf or missing. None where leaves are in their
+    /// parents.
+    fn own_items(_nodes: &[Self::Node], _index: u32, _slot: usize) -> Range<u32> {
+        0..0
+    }
 
     /// The slot of each child, leaves before nodes; `seed` tells nodes apart where slots are random. Theirs in turn,
     /// where the order of slots means nothing.
@@ -217,13 +259,56 @@ pub trait NodeLayout {
         (0..children.len()).collect()
     }
 
-    /// A node of the children in these slots, with so many triangles in its whole subtree. Nodes, and triangles of
-    /// leaves, follow each other; where the order of slots means nothing, leaves come before nodes, and no slot
-    /// between them is empty.
+    /// All nodes of a tree; the first is the root.
+    ///
+    /// # Panics
+    /// There are more children than the layout can hold, or none, or they are in another order.
+    fn encode(nodes: &[Stored<'_>], params: &LayoutParams) -> Vec<Self::Node>;
+}
+
+/// A layout in which a node says everything of its children, and each can be read and written by itself.
+pub trait NodeByNode {
+    /// [`NodeLayout::Node`].
+    type Node: Pod + Send + Sync;
+    /// [`NodeLayout::NAME`].
+    const NAME: &'static str;
+    /// [`NodeLayout::EXACT`].
+    const EXACT: bool;
+    /// [`NodeLayout::LIMITS`].
+    const LIMITS: Limits;
+
+    /// The child in a slot, `slot < LIMITS.children`; `None` where the slot is empty.
+    fn child(node: &Self::Node, slot: usize) -> Option<Child>;
+
+    /// [`NodeLayout::slots`].
+    fn slots(children: &[Child], _seed: u32, _params: &LayoutParams) -> Vec<usize> {
+        (0..children.len()).collect()
+    }
+
+    /// A node of the children in these slots, with so many triangles in its whole subtree: see [`Stored`].
     ///
     /// # Panics
     /// There are more children than the layout can hold, or none, or they are in another order.
     fn encode(children: &[Option<Child>], triangles: u32, params: &LayoutParams) -> Self::Node;
+}
+
+impl<L: NodeByNode> NodeLayout for L {
+    type Node = L::Node;
+    const NAME: &'static str = L::NAME;
+    const EXACT: bool = L::EXACT;
+    const LIMITS: Limits = L::LIMITS;
+
+    fn child(nodes: &[L::Node], index: u32, slot: usize) -> Option<Child> {
+        L::child(&nodes[index as usize], slot)
+    }
+
+    fn slots(children: &[Child], seed: u32, params: &LayoutParams) -> Vec<usize> {
+        L::slots(children, seed, params)
+    }
+
+    fn encode(nodes: &[Stored<'_>], params: &LayoutParams) -> Vec<L::Node> {
+        nodes.iter().map(|node| L::encode(node.children, node.triangles, params)).collect()
+    }
 }
 
 /// The children of slots of which none is empty.
@@ -235,13 +320,24 @@ fn in_turn(slots: &[Option<Child>]) -> Vec<Child> {
 }
 
 /// The children of a node, empty slots left out.
-pub fn children<L: NodeLayout>(node: &L::Node) -> impl Iterator<Item = Child> + '_ {
-    (0..L::LIMITS.children).filter_map(|slot| L::child(node, slot))
+pub fn children<L: NodeLayout>(nodes: &[L::Node], index: u32) -> impl Iterator<Item = Child> + '_ {
+    (0..L::LIMITS.children).filter_map(move |slot| L::child(nodes, index, slot))
+}
+
+/// The box around all children of a node.
+fn around(slots: &[Option<Child>]) -> Aabb {
+    slots.iter().flatten().fold(Aabb::EMPTY, |b, child| b.union(&child.bounds))
+}
+
+/// What stands in an absent slot whose box is stored as it is; `absent` in `encode.comp`.
+fn absent() -> Aabb {
+    Aabb { lo: [f32::INFINITY; 3], hi: [f32::INFINITY; 3] }
 }
 
 /// The kernels that write a wide tree's nodes and triangles, compiled for one layout.
 #[derive(Debug)]
 pub struct Encode {
+    /// What comes before, where a node's place is not its number.
     arrange: Option<Kernel>,
     nodes: Kernel,
     triangles: Kernel,
@@ -263,6 +359,20 @@ struct ArrangePush {
     progress: u64,
     arranged: u64,
 }
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ArrangeItemsPush {
+    wide: u64,
+    progress: u64,
+    arranged: u64,
+    first: u32,
+    most: u32,
+}
+
+/// Nodes that one launch of `layout/reduced/arrange.comp` goes over: as many as leave drivers that end long loops far from
+/// doing so.
+const ARRANGED_AT_ONCE: u32 = 1 << 16;
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -301,10 +411,21 @@ impl Encode {
         let size = WORKGROUP.min(gpu.info().max_workgroup_size);
         let encoding = ENCODING_WORKGROUP.min(size);
         let stride = layout.stride(params);
-        let assignment = params.assignment as u32;
-        let arrange = || Kernel::new(gpu, &shaders::LAYOUT_COMPRESSED_ARRANGE, size, &[assignment]);
+        let arrange = match layout {
+            Layout::Compressed8 => Some(Kernel::new(
+                gpu,
+                &shaders::LAYOUT_COMPRESSED_ARRANGE,
+                size,
+                &[params.assignment as u32],
+            )?),
+            Layout::Reduced => {
+                let size = 512.min(gpu.info().max_workgroup_size);
+                Some(Kernel::new(gpu, &shaders::LAYOUT_REDUCED_ARRANGE, size, &[])?)
+            }
+            _ => None,
+        };
         Ok(Self {
-            arrange: layout.is_compressed().then(arrange).transpose()?,
+            arrange,
             nodes: Kernel::new(gpu, shaders::layout_encode(layout), encoding, &[stride as u32, params.bits])?,
             triangles: Kernel::new(gpu, &shaders::LAYOUT_TRIANGLES, size, &[test.takes_maps().into()])?,
             layout,
@@ -329,16 +450,10 @@ impl Encode {
     /// Too little memory.
     pub fn buffers(&self, gpu: &Gpu, nodes: usize, triangles: usize) -> Result<LayoutBuffers, Error> {
         let arranged = || gpu.buffer("slots and places of nodes", 8 * nodes as u64);
-        let bytes = (size_of::<LeafTriangle>() * triangles) as u64;
-        let indices = || gpu.buffer("indices in leaf order", (size_of::<u32>() * triangles) as u64);
         Ok(LayoutBuffers {
             arranged: self.arrange.as_ref().map(|_| arranged()).transpose()?,
-            nodes: gpu.buffer("nodes", (self.stride * nodes) as u64)?,
-            triangles: TriangleBuffers {
-                stored: gpu.buffer("triangles in leaf order", bytes)?,
-                indices: self.test.takes_maps().then(indices).transpose()?,
-                test: self.test,
-            },
+            nodes: gpu.buffer("nodes", (self.stride * self.layout.items(nodes)) as u64)?,
+            triangles: TriangleBuffers::new(gpu, self.test, triangles)?,
         })
     }
 
@@ -348,7 +463,13 @@ impl Encode {
         // Most of these workgroups find nothing to do, which costs less than another indirect dispatch.
         let groups = |kernel: &Kernel| gpu::groups(wide.capacity(), kernel.workgroup_size()).min(MOST_GROUPS);
         let arranged = to.arranged.as_ref().map_or(0, Buffer::address);
-        if let Some(arrange) = &self.arrange {
+        if let (Layout::Reduced, Some(arrange)) = (self.layout, &self.arrange) {
+            for first in (0..wide.capacity() as u32).step_by(ARRANGED_AT_ONCE as usize) {
+                let (wide, progress) = (wide.nodes().address(), wide.progress.address());
+                let push = ArrangeItemsPush { wide, progress, arranged, first, most: ARRANGED_AT_ONCE };
+                pass.dispatch("arrange", arrange, &push, 1);
+            }
+        } else if let Some(arrange) = &self.arrange {
             let push = ArrangePush {
                 nodes: tree.nodes.address(),
                 wide: wide.nodes().address(),
@@ -384,7 +505,7 @@ impl Encode {
 /// A tree as kernels traverse it, in device memory.
 #[derive(Debug)]
 pub struct LayoutBuffers {
-    /// `Arrangement` in `arranged.glsl`, of a layout whose slots have an order.
+    /// `Arrangement` in `arranged.glsl`, of a layout in which a node's place is not its number.
     arranged: Option<Buffer>,
     /// Nodes, a stride apart.
     pub nodes: Buffer,
@@ -403,6 +524,16 @@ pub struct TriangleBuffers {
 }
 
 impl TriangleBuffers {
+    /// Allocates for so many, stored for a test.
+    pub(crate) fn new(gpu: &Gpu, test: TriangleTest, count: usize) -> Result<Self, Error> {
+        let indices = || gpu.buffer("indices in leaf order", (size_of::<u32>() * count) as u64);
+        Ok(Self {
+            stored: gpu.buffer("triangles in leaf order", (size_of::<LeafTriangle>() * count) as u64)?,
+            indices: test.takes_maps().then(indices).transpose()?,
+            test,
+        })
+    }
+
     /// What they are stored for.
     pub fn test(&self) -> TriangleTest {
         self.test
@@ -470,6 +601,12 @@ mod tests {
             )
             .assert_items("Arrangement", 8, None)
             .assert_specialization(1, "ASSIGNMENT");
+        Module::read(&shaders::LAYOUT_REDUCED_ARRANGE)
+            .assert_push_constants(
+                size_of::<ArrangeItemsPush>(),
+                &fields!(ArrangeItemsPush: wide, progress, arranged, first, most),
+            )
+            .assert_items("Arrangement", 8, None);
 
         for &layout in Layout::ALL {
             Module::read(shaders::layout_encode(layout))

@@ -4,23 +4,12 @@
 #extension GL_GOOGLE_include_directive : require
 #include "bvh2.glsl"
 #include "wide.glsl"
-#include "input.glsl"
-#include "layout/unit_triangle.glsl"
+#include "layout/leaf_triangle.glsl"
 
 // Stores each triangle where its leaf expects it, 48 bytes, as the test of the traversal wants it: see LeafTriangles in
 // layout/triangles.rs. An invocation serves one leaf of a wide node.
 
 layout(local_size_x_id = 0) in;
-// Whether triangles are stored as maps to the unit triangle, with their indices apart.
-layout(constant_id = 1) const uint MAPS = 0;
-
-layout(buffer_reference, scalar, buffer_reference_align = 16) writeonly buffer LeafTriangles {
-    uvec4 v[];
-};
-
-layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer Indices {
-    uint items[];
-};
 
 layout(push_constant, scalar) uniform Push {
     Bvh2Nodes nodes;
@@ -32,23 +21,6 @@ layout(push_constant, scalar) uniform Push {
     uint leaves;
     uint arity;
 };
-
-void write_triangle(uint place, uint leaf) {
-    uint primitive = nodes.v[leaf].lo_left.w;
-    Triangle t = triangles.v[primitive];
-    uint at = 3 * place;
-    if (MAPS != 0) {
-        UnitTriangle map = unit_triangle(t.a, t.b, t.c);
-        leaf_triangles.v[at + 0] = floatBitsToUint(map.z);
-        leaf_triangles.v[at + 1] = floatBitsToUint(map.u);
-        leaf_triangles.v[at + 2] = floatBitsToUint(map.v);
-        indices.items[place] = primitive;
-        return;
-    }
-    leaf_triangles.v[at + 0] = uvec4(floatBitsToUint(t.a), primitive);
-    leaf_triangles.v[at + 1] = uvec4(floatBitsToUint(t.b), 0);
-    leaf_triangles.v[at + 2] = uvec4(floatBitsToUint(t.c), 0);
-}
 
 void main() {
     uint wide_nodes = wide_complete(progress) ? progress.nodes : 0;
@@ -73,7 +45,8 @@ void main() {
                 node = nodes.v[node].lo_left.w;
                 continue;
             }
-            write_triangle(place++, node);
+            uint primitive = nodes.v[node].lo_left.w;
+            write_triangle(leaf_triangles, indices, place++, triangles.v[primitive], primitive);
             if (top == 0) {
                 break;
             }

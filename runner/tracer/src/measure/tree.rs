@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// A tree in numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TreeStats {
-    /// Nodes.
+    /// Nodes; where leaves are no part of their parents, the items that both are made of.
     pub nodes: u64,
     /// Leaves.
     pub leaves: u64,
@@ -90,7 +90,7 @@ pub fn stats<L: NodeLayout>(nodes: &[L::Node], stride: usize, costs: &CollapsePa
         let e: [f64; 3] = std::array::from_fn(|i| f64::from(b.hi[i]) - f64::from(b.lo[i]));
         e[0] * e[1] + e[1] * e[2] + e[2] * e[0]
     };
-    let root = children::<L>(&nodes[0]).fold(Aabb::EMPTY, |b, c| b.union(&c.bounds));
+    let root = children::<L>(nodes, 0).fold(Aabb::EMPTY, |b, c| b.union(&c.bounds));
     let mut sums = Sums::new::<L>();
     sums.traversal = area(&root);
     let mut depth = 0;
@@ -104,7 +104,7 @@ pub fn stats<L: NodeLayout>(nodes: &[L::Node], stride: usize, costs: &CollapsePa
                 let (mut sums, mut next) = (Sums::new::<L>(), Vec::new());
                 for &index in part {
                     let mut count = 0;
-                    for child in children::<L>(&nodes[index as usize]) {
+                    for child in children::<L>(nodes, index) {
                         count += 1;
                         match child.target {
                             Target::Node(node) => {
@@ -138,7 +138,7 @@ pub fn stats<L: NodeLayout>(nodes: &[L::Node], stride: usize, costs: &CollapsePa
     };
     let sah_traversal = per_ray(traversal, costs.traversal_cost);
     let sah_intersection = per_ray(intersection, costs.intersection_cost);
-    let nodes = nodes.len() as u64;
+    let (nodes, inner) = (nodes.len() as u64, children_histogram.iter().sum::<u64>());
     TreeStats {
         nodes,
         leaves,
@@ -146,7 +146,7 @@ pub fn stats<L: NodeLayout>(nodes: &[L::Node], stride: usize, costs: &CollapsePa
         node_bytes: nodes * stride as u64,
         triangle_bytes: triangles * TriangleTest::default().triangle_bytes() as u64,
         depth,
-        children_per_node: (nodes - 1 + leaves) as f64 / nodes as f64,
+        children_per_node: (inner - 1 + leaves) as f64 / inner as f64,
         children_histogram,
         triangles_per_leaf: triangles as f64 / leaves as f64,
         triangles_histogram,
@@ -159,12 +159,12 @@ pub fn stats<L: NodeLayout>(nodes: &[L::Node], stride: usize, costs: &CollapsePa
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::{Child, LayoutParams, binary::Binary};
+    use crate::layout::{Child, LayoutParams, NodeByNode, binary::Binary};
 
     #[test]
     fn the_cost_of_two_leaves_under_a_root_is_what_the_formula_says() {
         let bounds = |lo: f32, hi: f32| Aabb { lo: [lo, 0.0, 0.0], hi: [hi, 1.0, 1.0] };
-        let nodes = [Binary::encode(
+        let nodes = [<Binary as NodeByNode>::encode(
             &[
                 Some(Child { bounds: bounds(0.0, 1.0), target: Target::Leaf { first: 0, count: 3 } }),
                 Some(Child { bounds: bounds(2.0, 4.0), target: Target::Leaf { first: 3, count: 1 } }),
@@ -172,7 +172,8 @@ mod tests {
             4,
             &LayoutParams::default(),
         )];
-        let costs = CollapseParams { traversal_cost: 3.0, intersection_cost: 2.0, max_leaf: 16 };
+        let costs =
+            CollapseParams { traversal_cost: 3.0, intersection_cost: 2.0, max_leaf: 16, by_size: false };
         let s = stats::<Binary>(&nodes, 56, &costs);
         // Half areas: root 4 + 1 + 4 = 9, leaves 3 and 5.
         assert!((s.sah_traversal - 3.0).abs() < 1e-12);

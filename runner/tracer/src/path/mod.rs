@@ -6,15 +6,18 @@ use crate::{
     builder::BuildWorkspace,
     contract::VisitCounter,
     gpu::{Buffer, Gpu, Kernel, Pass, groups, shaders},
-    scene::{Scene, View},
+    scene::{Light, Material, Phong, Scene, View},
     traverse::{Buffers, Counts, Hit, Queue, Ray, Traversal, Tree, Utilization, Wave},
 };
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
 
+pub mod phong;
+mod shading;
 mod single;
 
+pub use shading::{Integrator, Shading};
 pub use single::SingleKernel;
 
 /// Subgroups a workgroup of the stages that are not measured.
@@ -28,11 +31,13 @@ pub struct Params {
     pub depth: u32,
     /// Varies every random number.
     pub seed: u32,
+    /// What happens where a ray hits a surface.
+    pub shade: Shading,
 }
 
 impl Default for Params {
     fn default() -> Self {
-        Self { depth: 8, seed: 0 }
+        Self { depth: 8, seed: 0, shade: Shading::default() }
     }
 }
 
@@ -69,6 +74,7 @@ pub struct DeviceScene {
     info: Buffer,
     _material_ids: Buffer,
     _materials: Buffer,
+    _lights: Buffer,
 }
 
 #[repr(C)]
@@ -77,10 +83,22 @@ struct SceneInfo {
     positions: u64,
     material_ids: u64,
     materials: u64,
+    lights: u64,
     zenith: [f32; 3],
     horizon: [f32; 3],
     ground: [f32; 3],
     extent: f32,
+    light_count: u32,
+    unused: u32,
+}
+
+/// `Material` in `scene.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct MaterialInfo {
+    albedo: [f32; 3],
+    emission: [f32; 3],
+    phong: [f32; 4],
 }
 
 impl DeviceScene {
@@ -89,23 +107,45 @@ impl DeviceScene {
     /// # Errors
     /// Too little memory.
     pub fn upload(gpu: &Gpu, scene: &Scene) -> Result<Self, Error> {
-        let materials: Vec<[[f32; 3]; 2]> = scene.materials.iter().map(|m| [m.albedo, m.emission]).collect();
+        let material = |m: &Material| {
+            let Phong { diffuse, specular, reflective, shininess } = m.phong.unwrap_or(phong::MATTE);
+            let phong = [diffuse, specular, reflective, shininess];
+            MaterialInfo { albedo: m.albedo, emission: m.emission, phong }
+        };
+        let materials: Vec<MaterialInfo> = scene.materials.iter().map(material).collect();
+        // None is none of them; there has to be memory.
+        let none = Light { position: [0.0; 3], strength: 0.0 };
+        let lights: Vec<[f32; 4]> = (scene.lights.iter().chain(scene.lights.is_empty().then_some(&none)))
+            .map(|Light { position: [x, y, z], strength }| [*x, *y, *z, *strength])
+            .collect();
         let positions = gpu.upload("the scene's triangles", &scene.positions)?;
         let material_ids = gpu.upload("material indices", &scene.material_ids)?;
         let materials = gpu.upload("materials", &materials)?;
+        let lights = gpu.upload("lights", &lights)?;
         let extent = scene.positions.as_flattened().as_flattened().iter().fold(0f32, |m, x| m.max(x.abs()));
         let info = SceneInfo {
             positions: positions.address(),
             material_ids: material_ids.address(),
             materials: materials.address(),
+            lights: lights.address(),
             zenith: scene.sky.zenith,
             horizon: scene.sky.horizon,
             ground: scene.sky.ground,
             extent,
+            light_count: scene.lights.len() as u32,
+            unused: 0,
         };
         let info = gpu.upload("scene description", &[info])?;
         let triangles = scene.positions.len();
-        Ok(Self { positions, triangles, extent, info, _material_ids: material_ids, _materials: materials })
+        Ok(Self {
+            positions,
+            triangles,
+            extent,
+            info,
+            _material_ids: material_ids,
+            _materials: materials,
+            _lights: lights,
+        })
     }
 }
 
@@ -174,6 +214,8 @@ struct ShadeArguments {
     depth: u32,
     seed: u32,
     last: u32,
+    shading: shading::Arguments,
+    unused: u32,
 }
 
 #[repr(C)]
@@ -407,7 +449,7 @@ impl<'s> PathTracer<'s> {
         traversal.record(pass, &format!("trace {depth}"), Wave::at(depth), tree, &buffers, self.pixels());
     }
 
-    fn record_shade(&self, pass: &mut Pass, sample: u32, depth: usize) {
+    fn record_shade(&self, pass: &mut Pass, camera: &Camera, sample: u32, depth: usize) {
         let (now, next) = (depth % 2, (depth + 1) % 2);
         let arguments = ShadeArguments {
             rays: self.rays[now].address(),
@@ -423,6 +465,8 @@ impl<'s> PathTracer<'s> {
             depth: depth as u32,
             seed: self.params.seed,
             last: u32::from(depth + 1 == self.params.depth as usize),
+            shading: self.params.shade.arguments(camera.eye.to_array()),
+            unused: 0,
         };
         let count = groups(self.pixels(), self.shade.workgroup_size());
         pass.dispatch(&format!("shade {depth}"), &self.shade, &arguments, count);
@@ -455,7 +499,7 @@ impl<'s> PathTracer<'s> {
             self.record_generate(pass, camera, sample, 1);
             for depth in 0..depths {
                 self.record_trace(pass, traversal, tree, depth, None);
-                self.record_shade(pass, sample, depth);
+                self.record_shade(pass, camera, sample, depth);
             }
         });
         let timings = pass.submit()?;
@@ -493,7 +537,7 @@ impl<'s> PathTracer<'s> {
             for depth in 0..depths {
                 self.record_trace(pass, traversal, tree, depth, Some(&visits.by_node));
                 if depth + 1 < depths {
-                    self.record_shade(pass, SAMPLING_SAMPLE, depth);
+                    self.record_shade(pass, camera, SAMPLING_SAMPLE, depth);
                 }
             }
             workspace.record_visits(pass, visits);
@@ -594,7 +638,7 @@ impl<'s> PathTracer<'s> {
                 break;
             }
             let mut pass = Pass::new(&self.gpu)?;
-            self.record_shade(&mut pass, sample, depth);
+            self.record_shade(&mut pass, camera, sample, depth);
             pass.submit()?;
         }
         Ok(())
@@ -658,7 +702,7 @@ impl<'s> PathTracer<'s> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::interface::{Field, Module, fields};
+    use crate::gpu::interface::{Module, fields};
 
     #[test]
     fn shaders_see_memory_as_the_host_does() {
@@ -672,16 +716,16 @@ mod tests {
             .assert_items("Paths", size_of::<PathState>(), Some(&path))
             .assert_block("Queue", &queue);
         let shade = fields!(ShadeArguments: rays, hits, paths, queue, next_rays, next_paths, next_queue,
-            scene, image, sample, depth, seed, last);
+            scene, image, sample, depth, seed, last, shading);
         let sum = fields!(SumArguments: counts, sums, rays, invocations);
         Module::read(&shaders::PATH_SUM).assert_push_constants(size_of::<SumArguments>(), &sum).assert_items(
             "Sums",
             size_of::<Counts>(),
             None,
         );
-        let scene = fields!(SceneInfo: positions, material_ids, materials, zenith, horizon, ground, extent);
-        let material =
-            [("albedo", 0), ("emission", 12)].map(|(name, offset)| Field { name, offset, size: 12 });
+        let scene = fields!(SceneInfo: positions, material_ids, materials, lights, zenith, horizon, ground,
+            extent, light_count);
+        let material = fields!(MaterialInfo: albedo, emission, phong);
         Module::read(&shaders::PATH_SHADE)
             .assert_push_constants(size_of::<ShadeArguments>(), &shade)
             .assert_block("Scene", &scene)
@@ -689,7 +733,8 @@ mod tests {
             .assert_items("Rays", size_of::<Ray>(), Some(&ray))
             .assert_items("Hits", size_of::<Hit>(), Some(&fields!(Hit: t, triangle)))
             .assert_items("Paths", size_of::<PathState>(), Some(&path))
-            .assert_items("Materials", 24, Some(&material))
+            .assert_items("Materials", size_of::<MaterialInfo>(), Some(&material))
+            .assert_items("Lights", 16, None)
             .assert_items("Positions", 12, None)
             .assert_items("Image", 16, None);
     }

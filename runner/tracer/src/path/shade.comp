@@ -18,9 +18,10 @@ layout(push_constant, scalar) uniform Arguments {
     uint depth;  // of the rays that are shaded, 0 for primary
     uint seed;
     uint last;   // 1 where no further rays are wanted
+    Shading shading;
 };
 
 void main() {
-    Wavefront wavefront = Wavefront(rays, hits, paths, queue, scene, image, sample_, seed);
+    Wavefront wavefront = Wavefront(rays, hits, paths, queue, scene, image, sample_, seed, shading);
     shade(wavefront, gl_GlobalInvocationID.x, depth, last != 0, next_rays, next_paths, next_queue);
 }

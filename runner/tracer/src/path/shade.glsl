@@ -1,6 +1,7 @@
-// What one wavefront of rays has hit: light is gathered, and one cosine-distributed ray continues each path
-// that hit a surface. Paths that left the scene are dropped, so the next wavefront is compact.
+// What one wavefront of rays has hit: light is gathered, and one ray continues each path that hit a surface,
+// cosine-distributed or mirrored. Paths that left the scene are dropped, so the next wavefront is compact.
 #extension GL_KHR_shader_subgroup_ballot : require
+#include "path/phong.glsl"
 #include "random.glsl"
 #include "ray.glsl"
 #include "scene.glsl"
@@ -16,7 +17,11 @@ struct Wavefront {
     Image image;
     uint sample_;
     uint seed;
+    Shading shading;
 };
+
+// Of a depth, another random number.
+const uint MIRROR = 0x80000000u;
 
 vec3 sky(Scene scene, vec3 direction) {
     return direction.y >= 0.0 ? mix(scene.horizon, scene.zenith, direction.y) : scene.ground;
@@ -62,8 +67,6 @@ void shade(Wavefront w, uint index, uint depth, bool last, Rays next_rays, Paths
             w.image.items[path.pixel].rgb += path.throughput * sky(w.scene, ray.direction);
         } else {
             Material material = w.scene.materials.items[w.scene.material_ids.items[hit.triangle]];
-            w.image.items[path.pixel].rgb += path.throughput * material.emission;
-
             vec3 v0 = w.scene.positions.items[3 * hit.triangle];
             vec3 v1 = w.scene.positions.items[3 * hit.triangle + 1];
             vec3 v2 = w.scene.positions.items[3 * hit.triangle + 2];
@@ -79,10 +82,28 @@ void shade(Wavefront w, uint index, uint depth, bool last, Rays next_rays, Paths
             vec3 position = weights.x * v0 + weights.y * v1 + weights.z * v2;
             position += normal * (w.scene.extent * 3.814697265625e-6);  // 2^-18
 
-            vec3 direction = cosine_direction(normal, random2(path.pixel, w.sample_, depth, w.seed));
+            vec3 light = material.emission;
+            vec3 direction;
+            if (w.shading.integrator == PHONG) {
+                vec3 incoming = normalize(ray.direction);
+                light += local_light(w.scene, material, w.shading, position, normal, -incoming);
+                direction = reflect(incoming, normal);
+                continues = !last && material.phong.z > 0.0;
+            } else {
+                // A share of all rays is mirrored and loses nothing, the others lose what is not reflected.
+                float mirrored = clamp(max(material.phong.z, w.shading.specular), 0.0, 1.0);
+                bool mirrors =
+                    mirrored > 0.0 && random2(path.pixel, w.sample_, depth | MIRROR, w.seed).x < mirrored;
+                direction = mirrors
+                    ? reflect(ray.direction, normal)
+                    : cosine_direction(normal, random2(path.pixel, w.sample_, depth, w.seed));
+                material.phong.z = mirrors ? 1.0 : 0.0;
+                continues = !last;
+            }
+            w.image.items[path.pixel].rgb += path.throughput * light;
             next = Ray(position, 0.0, direction, INFINITY);
-            path.throughput *= material.albedo;
-            continues = !last;
+            path.throughput *= w.shading.integrator == PHONG || material.phong.z > 0.0
+                ? vec3(material.phong.z) : material.albedo;
         }
     }
     uvec4 ballot = subgroupBallot(continues);

@@ -43,6 +43,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Arguments {
     Indices indices;
     Grid grid;
     float extent;
+    Shading shading;
 };
 
 layout(push_constant, scalar) uniform Push {
@@ -130,7 +131,8 @@ void main() {
             grid.clock[2 * depth + 1] = clockRealtime2x32EXT();
         }
         Wavefront wavefront = Wavefront(arguments.rays[now], arguments.hits, arguments.paths[now], queue,
-                                        arguments.scene, arguments.image, camera.sample_, camera.seed);
+                                        arguments.scene, arguments.image, camera.sample_, camera.seed,
+                                        arguments.shading);
         uint rays_now = queue.count;
         bool last = depth + 1 == arguments.depths;
         for (uint base = first; base < rays_now; base += stride) {

@@ -1,6 +1,6 @@
 //! The whole wavefront as one launch (thesis 4.4, 5.1.1, table 3).
 
-use super::{Camera, CameraArguments, PathTracer, Sample, WaveTime};
+use super::{Camera, CameraArguments, PathTracer, Sample, WaveTime, shading};
 use crate::{
     Error,
     gpu::{Buffer, Gpu, Kernel, Pass, shaders},
@@ -42,7 +42,7 @@ struct Arguments {
     indices: u64,
     grid: u64,
     extent: f32,
-    unused_too: u32,
+    shading: shading::Arguments,
 }
 
 /// All stages of a path in one persistent kernel with a software scheduler, for one layout.
@@ -74,7 +74,7 @@ impl SingleKernel {
         if params.language != Language::Glsl || params.technique.barrier {
             return Err(Error::NoSingleKernel);
         }
-        let layout = tree.layout.ok_or(Error::DriverTellsNot("set trace.kernels=separate"))?;
+        let layout = tree.structure.layout().ok_or(Error::SeparateKernels)?;
         let (constants, stack) = constants(gpu, params, tree, layout, Counting::Nothing, Wave::Secondary)?;
         let size = params.workgroup_size(gpu, Wave::Secondary);
         let kernel = Kernel::new(gpu, shaders::path_single(layout), size, &constants)?;
@@ -145,7 +145,7 @@ impl PathTracer<'_> {
             indices: tree.indices,
             grid: single.grid.address(),
             extent: tree.extent,
-            unused_too: 0,
+            shading: self.params.shade.arguments(camera.eye.to_array()),
         }])?;
         let mut pass = Pass::new(&self.gpu)?;
         pass.fill(&self.queues, 0);
@@ -188,7 +188,7 @@ mod tests {
                 .assert_block(
                     "Arguments",
                     &fields!(Arguments: camera, depths, rays, paths, hits, queues, scene, image, nodes,
-                        triangles, indices, grid, extent),
+                        triangles, indices, grid, extent, shading),
                 )
                 .assert_block(
                     "Grid",

@@ -1,27 +1,13 @@
 //! Trees kept on disk, because they take seconds to build.
 //!
-//! A file for each tree, named after the hash of what it was built from. Little-endian; R leaves, L levels:
-//!
-//! ```text
-//! magic    "BL SBVH\n"                                                       8 bytes
-//! key      SHA-256 of version, parameters and triangles                     32
-//! counts   version, triangles, R, L: u32 each                               16
-//! seconds  that the build took: f64                                          8
-//! levels   the node after each level's last: u32                           4 L
-//! leaves   least corner, greatest corner: f32 each; triangle: u32         28 R
-//! inner    left child, right child: u32                                 8 (R-1)
-//! check    SHA-256 of everything before                                     32
-//! ```
-//!
-//! Boxes of inner nodes are not stored: they are those of their children. What is read is only used if the
-//! check and every count, link and level are right; otherwise the tree is built as if there were no file,
-//! and [`Built::notes`] says why.
+//! A file for each tree, in the format of [`crate::treefile`], named after the hash of what it was built from. What is
+//! wrong with one is no failure: the tree is built as if there were no file, and [`Built::notes`] says why.
 
 use super::{SbvhParams, build};
 use crate::{
-    bvh2::{Aabb, Bvh2, Bvh2Node, LEAF, MAX_LEVELS, MAX_TRIANGLES, Triangle},
+    bvh2::{Bvh2, Triangle},
     scene::hex,
-    validate,
+    treefile::{self, Fault, Hash, Made, Recipe},
 };
 use sha2::{Digest, Sha256};
 use std::{
@@ -30,15 +16,6 @@ use std::{
     path::{Path, PathBuf},
     time::Instant,
 };
-
-/// Goes up whenever [`build`] makes other trees or the file looks different: then old files are not found.
-const VERSION: u32 = 1;
-
-const MAGIC: [u8; 8] = *b"BL SBVH\n";
-
-const HEADER_BYTES: usize = 8 + 32 + 16 + 8;
-
-type Hash = [u8; 32];
 
 /// Where a tree came from.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -73,17 +50,25 @@ fn folder_of(variable: impl Fn(&str) -> Option<PathBuf>) -> Option<PathBuf> {
 pub fn load_or_build(triangles: &[Triangle], params: &SbvhParams, folder: Option<&Path>) -> (Bvh2, Built) {
     let mut built = Built::default();
     let place = folder.map(|folder| {
-        let key = key(triangles, params);
-        (folder, folder.join(format!("sbvh-{}", hex(&key))), key)
+        let content = treefile::content(triangles);
+        (folder, folder.join(format!("bvh2-{}", hex(&key(&content, params)))), content)
     });
-    if let Some((_, path, key)) = &place {
+    let made = |seconds| Made {
+        // The same triangles are the same tree, whatever they are called.
+        scene: String::new(),
+        recipe: Recipe::Sbvh { sbvh: params.clone() },
+        seconds,
+    };
+    if let Some((_, path, content)) = &place {
         match fs::read(path) {
-            Ok(bytes) => match decode(&bytes, key, triangles.len()) {
-                Ok((tree, seconds)) => return (tree, Built { cached: true, seconds, ..built }),
-                Err(reason) => built.notes.push(format!(
-                    "the cached tree {} is damaged ({reason}) and was built again",
-                    path.display()
-                )),
+            Ok(bytes) => match treefile::decode(&bytes, content, triangles.len()) {
+                Ok((tree, found)) if found == made(found.seconds) => {
+                    return (tree, Built { cached: true, seconds: found.seconds, ..built });
+                }
+                Ok(_) => {
+                    built.notes.push(unusable(path, &Fault::Damaged("it is of other parameters".into())))
+                }
+                Err(fault) => built.notes.push(unusable(path, &fault)),
             },
             Err(error) if error.kind() == io::ErrorKind::NotFound => {}
             Err(error) => {
@@ -94,110 +79,37 @@ pub fn load_or_build(triangles: &[Triangle], params: &SbvhParams, folder: Option
     let started = Instant::now();
     let tree = build(triangles, params);
     built.seconds = started.elapsed().as_secs_f64();
-    if let Some((folder, path, key)) = &place
-        && let Err(error) = write(folder, path, &encode(&tree, key, triangles.len(), built.seconds))
-    {
-        built.notes.push(format!("the tree cannot be cached in {}: {error}", folder.display()));
+    if let Some((folder, path, content)) = &place {
+        let bytes = treefile::encode(&tree, &made(built.seconds), content, triangles.len());
+        if let Err(error) = write(folder, path, &bytes) {
+            built.notes.push(format!("the tree cannot be cached in {}: {error}", folder.display()));
+        }
     }
     (tree, built)
 }
 
+fn unusable(path: &Path, fault: &Fault) -> String {
+    format!("the cached tree {} {fault}; it was built again", path.display())
+}
+
 /// What a tree depends on.
-fn key(triangles: &[Triangle], params: &SbvhParams) -> Hash {
+fn key(content: &Hash, params: &SbvhParams) -> Hash {
     let mut hash = Sha256::new();
-    hash.update(VERSION.to_le_bytes());
+    hash.update(treefile::VERSION.to_le_bytes());
     let params = serde_json::to_vec(params).expect("numbers under names");
     hash.update((params.len() as u64).to_le_bytes());
     hash.update(params);
-    for part in triangles.chunks(1 << 12) {
-        let bytes: Vec<u8> =
-            part.as_flattened().as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
-        hash.update(bytes);
-    }
+    hash.update(content);
     hash.finalize().into()
 }
 
 /// Puts a file in its place, whole or not at all.
 fn write(folder: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
     fs::create_dir_all(folder)?;
-    let mut file = tempfile::Builder::new().prefix(".sbvh-").tempfile_in(folder)?;
+    let mut file = tempfile::Builder::new().prefix(".bvh2-").tempfile_in(folder)?;
     file.write_all(bytes)?;
     file.persist(path)?;
     Ok(())
-}
-
-fn bytes_of(leaves: usize, levels: usize) -> usize {
-    HEADER_BYTES + 4 * levels + 28 * leaves + 8 * (leaves - 1) + 32
-}
-
-fn encode(tree: &Bvh2, key: &Hash, triangles: usize, seconds: f64) -> Vec<u8> {
-    let (leaves, inner) = tree.nodes.split_at(tree.leaves);
-    let mut bytes = Vec::with_capacity(bytes_of(tree.leaves, tree.levels.len()));
-    bytes.extend(MAGIC);
-    bytes.extend(key);
-    for count in [VERSION, triangles as u32, tree.leaves as u32, tree.levels.len() as u32] {
-        bytes.extend(count.to_le_bytes());
-    }
-    bytes.extend(seconds.to_le_bytes());
-    tree.levels.iter().for_each(|level| bytes.extend(level.end.to_le_bytes()));
-    for leaf in leaves {
-        leaf.lo.iter().chain(&leaf.hi).for_each(|x| bytes.extend(x.to_le_bytes()));
-        bytes.extend(leaf.left.to_le_bytes());
-    }
-    inner.iter().for_each(|node| [node.left, node.right].iter().for_each(|c| bytes.extend(c.to_le_bytes())));
-    let check = Sha256::digest(&bytes);
-    bytes.extend(check);
-    bytes
-}
-
-/// A tree over `triangles` triangles and the seconds that it took, or what is wrong with the file.
-fn decode(bytes: &[u8], key: &Hash, triangles: usize) -> Result<(Bvh2, f64), String> {
-    let Some((contents, check)) = bytes.split_last_chunk::<32>().filter(|(c, _)| c.len() >= HEADER_BYTES)
-    else {
-        return Err(format!("it has {} bytes", bytes.len()));
-    };
-    if *check != *Sha256::digest(contents) {
-        return Err("its checksum does not match".into());
-    }
-    let (header, body) = contents.split_at(HEADER_BYTES);
-    let word =
-        |bytes: &[u8], i: usize| u32::from_le_bytes(bytes[4 * i..4 * i + 4].try_into().expect("four bytes"));
-    if header[..8] != MAGIC || header[8..40] != *key {
-        return Err("it is of something else".into());
-    }
-    let [version, of, leaves, levels] = [10, 11, 12, 13].map(|i| word(header, i) as usize);
-    let sizes = version == VERSION as usize
-        && of == triangles
-        && (1..=MAX_TRIANGLES).contains(&leaves)
-        && levels <= MAX_LEVELS
-        && bytes.len() == bytes_of(leaves, levels);
-    if !sizes {
-        return Err(format!("version {version}, {of} triangles, {leaves} leaves, {levels} levels"));
-    }
-    let seconds = f64::from_le_bytes(header[56..].try_into().expect("eight bytes"));
-    let (ends, body) = body.split_at(4 * levels);
-    let (leaf_bytes, inner_bytes) = body.split_at(28 * leaves);
-    let corner = |leaf: &[u8], at: usize| std::array::from_fn(|k| f32::from_bits(word(leaf, at + k)));
-    let mut nodes = Vec::with_capacity(2 * leaves - 1);
-    nodes.extend(leaf_bytes.chunks_exact(28).map(|leaf| {
-        let bounds = Aabb { lo: corner(leaf, 0), hi: corner(leaf, 3) };
-        Bvh2Node::new(bounds, word(leaf, 6), LEAF)
-    }));
-    nodes.extend(
-        inner_bytes.chunks_exact(8).map(|node| Bvh2Node::new(Aabb::EMPTY, word(node, 0), word(node, 1))),
-    );
-    let ends: Vec<u32> = std::iter::once(leaves as u32).chain((0..levels).map(|i| word(ends, i))).collect();
-    let mut tree = Bvh2 { nodes, leaves, levels: ends.windows(2).map(|w| w[0]..w[1]).collect() };
-    validate::links(&tree, triangles).map_err(|invalid| invalid.0)?;
-    if tree.nodes[..leaves].iter().any(|leaf| leaf.bounds().is_empty()) {
-        return Err("a leaf has an empty box".into());
-    }
-    for i in leaves..tree.nodes.len() {
-        let Bvh2Node { left, right, .. } = tree.nodes[i];
-        let [l, r] = [left, right].map(|child| tree.nodes[child as usize].bounds());
-        tree.nodes[i] = Bvh2Node::new(l.union(&r), left, right);
-    }
-    Ok((tree, seconds))
 }
 
 #[cfg(test)]
@@ -272,7 +184,7 @@ mod tests {
             fs::write(&path, bytes).unwrap();
             let (again, built) = get();
             assert!(!built.cached && again == tree, "{what}");
-            assert!(built.notes.len() == 1 && built.notes[0].contains("damaged"), "{what}: {built:?}");
+            assert!(built.notes.len() == 1 && built.notes[0].contains("built again"), "{what}: {built:?}");
         };
         for at in 0..sound.len() {
             let mut bytes = sound.clone();
@@ -287,25 +199,17 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_file_with_a_right_checksum_is_refused() {
+    fn a_tree_of_other_parameters_under_the_right_name_is_not_taken() {
+        let folder = tempfile::tempdir().unwrap();
         let (triangles, params) = (triangles(), SbvhParams::default());
-        let (key, n) = (key(&triangles, &params), triangles.len());
-        let sound = build(&triangles, &params);
-        let (r, root) = (sound.leaves, sound.nodes.len() - 1);
-        let refused = |f: &dyn Fn(&mut Bvh2)| {
-            let mut tree = sound.clone();
-            f(&mut tree);
-            decode(&encode(&tree, &key, n, 1.0), &key, n).unwrap_err()
-        };
-        assert!(refused(&|t| t.nodes[0].left = 12).contains("triangle 12 of 12"));
-        assert!(refused(&|t| t.nodes[0].lo[0] = 100.0).contains("empty"));
-        assert!(refused(&|t| t.nodes[root].left = root as u32).contains("has child"));
-        assert!(refused(&|t| t.nodes[root].left = t.nodes[root].right).contains("two parents"));
-        assert!(refused(&|t| t.levels[0].end = r as u32 - 1).contains("level 0"));
-        let bytes = encode(&sound, &key, n, 1.0);
-        assert!(decode(&bytes, &key, n + 1).unwrap_err().contains("12 triangles"));
-        assert!(decode(&bytes, &[0; 32], n).unwrap_err().contains("something else"));
-        assert_eq!(decode(&bytes, &key, n), Ok((sound, 1.0)));
+        let (tree, _) = load_or_build(&triangles, &params, Some(folder.path()));
+        let path = only_file(&folder);
+        let recipe = Recipe::Sbvh { sbvh: SbvhParams { budget: 0.0, ..params.clone() } };
+        let made = Made { scene: String::new(), recipe, seconds: 1.0 };
+        let content = treefile::content(&triangles);
+        fs::write(&path, treefile::encode(&tree, &made, &content, triangles.len())).unwrap();
+        let (again, built) = load_or_build(&triangles, &params, Some(folder.path()));
+        assert!(again == tree && !built.cached && built.notes[0].contains("other parameters"), "{built:?}");
     }
 
     #[test]

@@ -33,17 +33,16 @@
 //! The tree is the same for any number of threads: what is shared out among them has fixed sizes, and sums
 //! over it are of integers, or least and greatest coordinates.
 
-mod assemble;
 pub mod cache;
 mod clip;
 mod divide;
 mod split;
 
 use crate::{
+    assemble::{self, Part, Tree, assemble},
     bvh2::{Aabb, Bvh2, Bvh2Node, LEAF, MAX_LEVELS, MAX_TRIANGLES, Triangle},
     morton,
 };
-use assemble::{Part, Tree, assemble};
 use divide::{Scratch, divide, divide_in_parallel};
 use glam::{Vec3A, Vec4};
 use rayon::prelude::*;

@@ -76,6 +76,7 @@ mod tests {
                     assert!(d.get.contains("http"), "{}: where does a user get it?", entry.name);
                 }
                 Source::Generator { generator, .. } => assert_eq!(generator.name(), entry.name),
+                Source::Models(_) => panic!("{}: a scene that comes along is one file", entry.name),
             }
         }
     }

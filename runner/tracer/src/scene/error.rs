@@ -9,7 +9,7 @@ use thiserror::Error;
 pub enum SceneError {
     /// No descriptor of that name, and no file there either.
     #[error(
-        "there is no scene called '{name}'. Known scenes: {known}. A path must end in .glb, .gltf or .obj; \
+        "there is no scene called '{name}'. Known scenes: {known}. A path must end in .glb, .gltf, .obj, .toml or .json; \
          a descriptor of your own is NAME.toml in a folder given by --scene-dir (looked in: {looked_in})"
     )]
     UnknownScene {

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::catalog;
+use super::compose::{CameraPath, MOST_VIEWS, Model, compose};
 use super::descriptor::{Descriptor, MaterialKey, Source};
 use super::generate::MAX_REQUEST;
 use super::search::{SearchPath, listed};
@@ -17,6 +18,9 @@ use super::{Geometry, LoadReport, MAX_TRIANGLES, Material, Origin, Provenance, S
 ///
 /// - a descriptor: `sponza`, found as `sponza.toml` on the search path or among the built-in ones;
 /// - a generator's descriptor with other parameters: `city:triangles=1000000,seed=3`;
+/// - a descriptor seen from a circle: `teapot:orbit=40` has 40 views around the target of its first, at the height and the
+///   distance of that;
+/// - a path to a descriptor, `out/tea.toml`, or to a scene that RTRS has written, `out/tea.json`;
 /// - a path to a `.glb`, `.gltf` or `.obj` file. Views are read from `NAME.views.json` beside it if there
 ///   is one, and placed automatically if not. A file whose hash is that of a built-in descriptor gets its
 ///   sky and lights. If no light would reach the views of any other file, its surfaces glow faintly, and
@@ -26,7 +30,8 @@ use super::{Geometry, LoadReport, MAX_TRIANGLES, Material, Origin, Provenance, S
 /// Any [`SceneError`]; each says what the user can do.
 pub fn load(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
     let started = Instant::now();
-    let mut scene = if is_path(spec) { load_path(Path::new(spec)) } else { load_named(spec, search) }?;
+    let mut scene =
+        if is_path(spec) { load_path(Path::new(spec), search) } else { load_named(spec, search) }?;
     scene.report.degenerate = scene
         .positions
         .par_chunks(1 << 14)
@@ -42,7 +47,7 @@ pub fn load(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
 /// # Errors
 /// What [`load`] would say.
 pub fn check(spec: &str, search: &SearchPath) -> Result<(), SceneError> {
-    if is_path(spec) { kind(Path::new(spec)).map(drop) } else { named(spec, search).map(drop) }
+    if is_path(spec) { kind(Path::new(spec), &SCENES).map(drop) } else { named(spec, search).map(drop) }
 }
 
 /// Finds a descriptor by name, without loading what it describes: first `NAME.toml` on the search path,
@@ -69,24 +74,30 @@ pub fn describe(name: &str, search: &SearchPath) -> Result<(Descriptor, Option<P
 
 /// What a surface is made of where the file does not say.
 pub(super) fn default_material() -> Material {
-    Material { name: String::new(), albedo: [0.7; 3], emission: [0.0; 3] }
+    Material::diffuse("", [0.7; 3])
 }
 
 fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
-/// Whether a spec is a path to a model, and no name.
+/// Extensions of the files that a scene can be.
+const SCENES: [&str; 5] = ["glb", "gltf", "obj", "toml", "json"];
+
+/// Those of them that hold nothing but a model.
+const MODELS: [&str; 3] = ["glb", "gltf", "obj"];
+
+/// Whether a spec is a path to a file, and no name.
 pub(super) fn is_path(spec: &str) -> bool {
-    matches!(extension(Path::new(spec)).as_str(), "glb" | "gltf" | "obj")
+    SCENES.contains(&extension(Path::new(spec)).as_str())
         || spec.contains('/')
         || spec.contains(std::path::MAIN_SEPARATOR)
 }
 
-/// The extension of a model file that can be read.
-fn kind(path: &Path) -> Result<String, SceneError> {
+/// The extension of a file, one of those that can be read.
+fn kind(path: &Path, readable: &[&str]) -> Result<String, SceneError> {
     let kind = extension(path);
-    if matches!(kind.as_str(), "glb" | "gltf" | "obj") {
+    if readable.contains(&kind.as_str()) {
         return Ok(kind);
     }
     let feature =
@@ -113,30 +124,53 @@ fn named<'s>(
     if name.is_empty() || name.contains(char::is_whitespace) {
         return Err(SceneError::spec(
             spec,
-            "expected NAME, NAME:key=value,… or a path to a .glb, .gltf or .obj file",
+            "expected NAME, NAME:key=value,… or a path to a .glb, .gltf, .obj, .toml or .json file",
         ));
     }
     let (mut descriptor, found_at) = describe(name, search)?;
-    match &mut descriptor.source {
-        Source::Generator { triangles, seed, .. } => parse_parameters(spec, parameters, triangles, seed)?,
-        Source::File { .. } if parameters.is_some() => {
-            let reason = format!("'{name}' is a file and takes no parameters; generators do");
-            return Err(SceneError::spec(spec, reason));
-        }
-        Source::File { .. } => {}
+    let generated = match &mut descriptor.source {
+        Source::Generator { triangles, seed, .. } => Some((triangles, seed)),
+        Source::File { .. } | Source::Models(_) => None,
+    };
+    if let Some(orbit) = parse_parameters(spec, parameters, generated)? {
+        let circle = match (&descriptor.camera, descriptor.views.first()) {
+            (Some(camera), _) => CameraPath { orbit: Some(orbit), ..camera.clone() },
+            (None, Some(view)) => CameraPath {
+                eye: view.eye,
+                target: view.target,
+                vfov_degrees: view.vfov_degrees,
+                orbit: Some(orbit),
+            },
+            (None, None) => {
+                let reason = format!("'{name}' has no view to go around from; describe one in its TOML");
+                return Err(SceneError::spec(spec, reason));
+            }
+        };
+        descriptor.views.clear();
+        descriptor.camera = Some(circle);
     }
     Ok((name, descriptor, found_at))
 }
 
 fn load_named(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
     let (name, descriptor, found_at) = named(spec, search)?;
+    load_described(name, descriptor, found_at.as_deref(), search)
+}
+
+/// What a descriptor describes; `found_at` is its file, if it has one.
+fn load_described(
+    name: &str,
+    descriptor: Descriptor,
+    found_at: Option<&Path>,
+    search: &SearchPath,
+) -> Result<Scene, SceneError> {
     let mut report = LoadReport::default();
     let (mut geometry, origin) = match descriptor.source {
         Source::Generator { generator, triangles, seed } => {
             (generator.generate(triangles, seed), Origin::Generated { generator, triangles, seed })
         }
         Source::File { ref file, ref sha256, .. } => {
-            let path = find_file(name, file, &descriptor, found_at.as_deref(), search)?;
+            let path = find_file(name, file, &descriptor, found_at, search)?;
             let (geometry, found) = read_model(&path, &mut report)?;
             if let Some(expected) = sha256.as_ref().filter(|expected| !expected.eq_ignore_ascii_case(&found))
             {
@@ -145,12 +179,21 @@ fn load_named(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
             }
             (geometry, Origin::File { path, sha256: found })
         }
+        Source::Models(ref models) => {
+            let path = found_at.map_or_else(|| PathBuf::from(format!("{name}.toml")), Path::to_path_buf);
+            let geometry = load_models(name, models, &descriptor, found_at, search, &mut report)?;
+            let sha256 = sha256(&match found_at {
+                Some(path) => read(path)?,
+                None => toml::to_string(&descriptor).unwrap_or_default().into_bytes(),
+            });
+            (geometry, Origin::File { path, sha256 })
+        }
     };
     light(&mut geometry, &descriptor, &mut report);
-    let views = if descriptor.views.is_empty() {
-        views::place(&geometry.positions)
-    } else {
-        descriptor.views.clone()
+    let views = match &descriptor.camera {
+        Some(camera) => camera.views(),
+        None if descriptor.views.is_empty() => views::place(&geometry.positions),
+        None => descriptor.views.clone(),
     };
     Ok(Scene {
         name: name.to_owned(),
@@ -158,25 +201,93 @@ fn load_named(spec: &str, search: &SearchPath) -> Result<Scene, SceneError> {
         material_ids: geometry.material_ids,
         materials: geometry.materials,
         views,
+        lights: descriptor.lights,
         sky: descriptor.sky.unwrap_or_default(),
         provenance: Provenance { origin, licence: descriptor.licence, credit: descriptor.credit },
         report,
     })
 }
 
+/// The triangles of models, each in its place.
+fn load_models(
+    name: &str,
+    models: &[Model],
+    descriptor: &Descriptor,
+    found_at: Option<&Path>,
+    search: &SearchPath,
+    report: &mut LoadReport,
+) -> Result<Geometry, SceneError> {
+    let described = || found_at.unwrap_or(Path::new(name));
+    let (mut triangles, mut read_report) = (0, LoadReport::default());
+    let parts = models.iter().map(|model| {
+        let path = find_file(name, &model.file, descriptor, found_at, search)?;
+        let (geometry, found) = read_model(&path, &mut read_report)?;
+        if let Some(expected) = model.sha256.as_ref().filter(|expected| !expected.eq_ignore_ascii_case(&found)) {
+            let reason = format!(
+                "{} has changed: its sha256 is {found}, expected {expected}. Bring the file back that was meant, \
+                 or write the hash that it has now into the descriptor",
+                path.display()
+            );
+            return Err(SceneError::descriptor(described(), reason));
+        }
+        triangles += geometry.positions.len() as u64;
+        if triangles > MAX_TRIANGLES {
+            return Err(SceneError::TooLarge { path: described().to_owned(), triangles, limit: MAX_TRIANGLES });
+        }
+        Ok((model.clone(), geometry))
+    });
+    let geometry = compose(parts, &descriptor.materials, report)?;
+    report.non_finite += read_report.non_finite;
+    report.out_of_range += read_report.out_of_range;
+    report.skipped_primitives += read_report.skipped_primitives;
+    report.notes.append(&mut read_report.notes);
+    if geometry.positions.is_empty() {
+        let reason = ": its models lie beyond what numbers can tell".to_owned();
+        return Err(SceneError::Empty { path: described().to_owned(), reason });
+    }
+    Ok(geometry)
+}
+
+/// What is known of a model file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Inspected {
+    /// Hash of its bytes, in lower-case hexadecimal.
+    pub sha256: String,
+    /// Triangles that can be used.
+    pub triangles: u64,
+    /// Licence and credit of the built-in scene that it is the file of, if it is.
+    pub rights: Option<(String, String)>,
+}
+
+/// Reads a `.glb`, `.gltf` or `.obj` file, to see whether it can be used.
+///
+/// # Errors
+/// It cannot be.
+pub fn inspect(path: &Path) -> Result<Inspected, SceneError> {
+    let (geometry, sha256) = read_model(path, &mut LoadReport::default())?;
+    let rights = catalog::by_hash(&sha256).map(|(_, descriptor)| (descriptor.licence, descriptor.credit));
+    Ok(Inspected { sha256, triangles: geometry.positions.len() as u64, rights })
+}
+
+/// Reads `key=value,…`: what a generator is given, and how many views of a circle are asked for.
 fn parse_parameters(
     spec: &str,
     parameters: Option<&str>,
-    triangles: &mut u64,
-    seed: &mut u64,
-) -> Result<(), SceneError> {
+    mut generated: Option<(&mut u64, &mut u64)>,
+) -> Result<Option<u32>, SceneError> {
+    let mut orbit = None;
     for pair in parameters.iter().flat_map(|list| list.split(',')) {
         let (key, value) = pair.split_once('=').ok_or_else(|| {
-            SceneError::spec(spec, format!("'{pair}' is not key=value (triangles=…, seed=…)"))
+            SceneError::spec(spec, format!("'{pair}' is not key=value (triangles=…, seed=…, orbit=…)"))
         })?;
-        match key.trim() {
-            "triangles" => {
-                *triangles =
+        match (key.trim(), &mut generated) {
+            ("orbit", _) => {
+                let count = value.trim().parse().ok().filter(|count| (1..=MOST_VIEWS).contains(count));
+                let wrong = || SceneError::spec(spec, format!("orbit must be 1 to {MOST_VIEWS} views"));
+                orbit = Some(count.ok_or_else(wrong)?);
+            }
+            ("triangles", Some((triangles, _))) => {
+                **triangles =
                     parse_count(value.trim()).filter(|n| (1..=MAX_REQUEST).contains(n)).ok_or_else(|| {
                         let reason = format!(
                             "triangles must be a number from 1 to {MAX_REQUEST}, such as 50000 or 1e6"
@@ -184,19 +295,20 @@ fn parse_parameters(
                         SceneError::spec(spec, reason)
                     })?;
             }
-            "seed" => {
+            ("seed", Some((_, seed))) => {
                 let wrong = |_| SceneError::spec(spec, "seed must be a whole number");
-                *seed = value.trim().parse().map_err(wrong)?;
+                **seed = value.trim().parse().map_err(wrong)?;
             }
-            other => {
-                return Err(SceneError::spec(
-                    spec,
-                    format!("there is no parameter '{other}'; there are triangles and seed"),
-                ));
+            (other, generated) => {
+                let there = match generated {
+                    Some(_) => "there are triangles, seed and orbit",
+                    None => "for a scene of files there is orbit; generators have more",
+                };
+                return Err(SceneError::spec(spec, format!("there is no parameter '{other}'; {there}")));
             }
         }
     }
-    Ok(())
+    Ok(orbit)
 }
 
 /// `50000`, `50_000`, `1e6` and `2.5e6` are counts.
@@ -228,7 +340,53 @@ fn find_file(
     })
 }
 
-fn load_path(path: &Path) -> Result<Scene, SceneError> {
+/// The name of the scene in a file.
+fn stem(path: &Path) -> String {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+fn load_path(path: &Path, search: &SearchPath) -> Result<Scene, SceneError> {
+    match kind(path, &SCENES)?.as_str() {
+        "toml" => {
+            let text = String::from_utf8(read(path)?)
+                .map_err(|_| SceneError::descriptor(path, "it is not text in UTF-8"))?;
+            load_described(&stem(path), Descriptor::parse(path, &text)?, Some(path), search)
+        }
+        "json" => load_rtrs(path),
+        _ => load_model(path),
+    }
+}
+
+/// A scene that RTRS has written, under the sky that scenes without one have.
+fn load_rtrs(path: &Path) -> Result<Scene, SceneError> {
+    let mut report = LoadReport::default();
+    let bytes = read(path)?;
+    let super::rtrs::Parsed { geometry, lights, camera } = super::rtrs::load(path, &bytes, &mut report)?;
+    if geometry.positions.is_empty() {
+        return Err(empty(path, &report));
+    }
+    Ok(Scene {
+        name: stem(path),
+        positions: geometry.positions,
+        material_ids: geometry.material_ids,
+        materials: geometry.materials,
+        views: camera.views(),
+        lights,
+        sky: Sky::default(),
+        provenance: Provenance {
+            origin: Origin::File { path: path.to_owned(), sha256: sha256(&bytes) },
+            licence: String::new(),
+            credit: String::new(),
+        },
+        report,
+    })
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
+    std::fs::read(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })
+}
+
+fn load_model(path: &Path) -> Result<Scene, SceneError> {
     let mut report = LoadReport::default();
     let (mut geometry, sha256) = read_model(path, &mut report)?;
     let beside = views::beside(path)?;
@@ -248,11 +406,12 @@ fn load_path(path: &Path) -> Result<Scene, SceneError> {
     }
     let (licence, credit) = known.map(|(_, d)| (d.licence, d.credit)).unwrap_or_default();
     Ok(Scene {
-        name: path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default(),
+        name: stem(path),
         positions: geometry.positions,
         material_ids: geometry.material_ids,
         materials: geometry.materials,
         views,
+        lights: Vec::new(),
         sky,
         provenance: Provenance { origin: Origin::File { path: path.to_owned(), sha256 }, licence, credit },
         report,
@@ -277,8 +436,8 @@ fn glow_if_dark(geometry: &mut Geometry, views: &[super::View], report: &mut Loa
 
 /// Reads, hashes and parses a model file.
 fn read_model(path: &Path, report: &mut LoadReport) -> Result<(Geometry, String), SceneError> {
-    let kind = kind(path)?;
-    let bytes = std::fs::read(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
+    let kind = kind(path, &MODELS)?;
+    let bytes = read(path)?;
     let (geometry, sha256) = rayon::join(
         || {
             if kind == "obj" {
@@ -291,16 +450,22 @@ fn read_model(path: &Path, report: &mut LoadReport) -> Result<(Geometry, String)
     );
     let geometry = geometry?;
     if geometry.positions.is_empty() {
-        let skipped = report.non_finite + report.out_of_range + report.skipped_primitives;
-        let reason =
-            if skipped > 0 { format!(" that can be used ({skipped} were skipped)") } else { String::new() };
-        return Err(SceneError::Empty { path: path.to_owned(), reason });
+        return Err(empty(path, report));
     }
     debug_assert!(geometry.positions.len() as u64 <= MAX_TRIANGLES);
     Ok((geometry, sha256))
 }
 
-fn sha256(bytes: &[u8]) -> String {
+/// Why nothing is left of a file.
+fn empty(path: &Path, report: &LoadReport) -> SceneError {
+    let skipped = report.non_finite + report.out_of_range + report.skipped_primitives;
+    let reason =
+        if skipped > 0 { format!(" that can be used ({skipped} were skipped)") } else { String::new() };
+    SceneError::Empty { path: path.to_owned(), reason }
+}
+
+/// SHA-256 of a file's bytes in lower-case hexadecimal, as `sha256sum` prints it.
+pub fn sha256(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }
 
@@ -393,6 +558,19 @@ mod tests {
     }
 
     #[test]
+    fn an_orbit_goes_around_what_the_first_view_looks_at() {
+        let scene = load("cornell:seed=9,triangles=100,orbit=4", &nowhere()).unwrap();
+        let first = &load("cornell", &nowhere()).unwrap().views[0];
+        let names: Vec<_> = scene.views.iter().map(|view| view.name.as_str()).collect();
+        assert_eq!(names, ["orbit_0", "orbit_1", "orbit_2", "orbit_3"]);
+        assert_eq!((scene.views[0].eye, scene.views[0].vfov_degrees), (first.eye, first.vfov_degrees));
+        assert!(scene.views.iter().all(|view| view.target == first.target && view.eye[1] == first.eye[1]));
+        let [[x, _, z], [tx, _, tz]] = [scene.views[2].eye, first.target];
+        let opposite = [2.0 * tx - first.eye[0], 2.0 * tz - first.eye[2]];
+        assert!((x - opposite[0]).abs() < 1e-5 && (z - opposite[1]).abs() < 1e-5, "{x}, {z}");
+    }
+
+    #[test]
     fn specs_are_checked_without_loading() {
         for fine in ["city:triangles=1e6,seed=3", "sponza", "no/such/thing.glb", "thing.OBJ"] {
             check(fine, &nowhere()).unwrap();
@@ -408,11 +586,13 @@ mod tests {
         for (spec, part) in [
             ("", "NAME"),
             ("cornell:5", "key=value"),
-            ("cornell:size=5", "triangles and seed"),
+            ("cornell:size=5", "triangles, seed and orbit"),
             ("cornell:triangles=0", "from 1 to"),
             ("cornell:triangles=1e12", "from 1 to"),
             ("cornell:seed=x", "whole number"),
-            ("sponza:seed=1", "no parameters"),
+            ("sponza:seed=1", "there is orbit"),
+            ("cornell:orbit=0", "1 to 360"),
+            ("cornell:orbit=361", "1 to 360"),
             ("spnza", "sponza"),
             ("a/b.fbx", ".fbx"),
             ("no/such.glb", "no/such.glb"),

@@ -3,6 +3,8 @@
 //! ```text
 //! "sponza"            → descriptor (TOML) → file found on the search path → glTF or OBJ loader ┐
 //! "city:seed=3"       → descriptor (TOML) → generator                                          ├→ Scene
+//! "out/tea.toml"      → descriptor (TOML) → models, each in its place                           │
+//! "thing.json"        → scene of RTRS                                                           │
 //! "models/thing.glb"  → glTF or OBJ loader, views from thing.views.json or placed by probing   ┘
 //! ```
 //!
@@ -10,6 +12,7 @@
 //! [`SceneError`]; what was skipped on the way is counted in the [`LoadReport`].
 
 mod catalog;
+mod compose;
 mod descriptor;
 mod error;
 mod generate;
@@ -21,16 +24,18 @@ mod load;
 mod obj;
 mod probe;
 mod random;
+mod rtrs;
 mod search;
 mod views;
 
 pub use catalog::{BuiltIn, built_in};
+pub use compose::{CameraPath, MOST_VIEWS, Model, Surface};
 pub use descriptor::{Descriptor, Emissive, MaterialKey, Region, Source};
 pub use error::SceneError;
 pub use generate::Generator;
 pub use keep::keep_view;
 pub(crate) use load::hex;
-pub use load::{check, describe, load};
+pub use load::{Inspected, check, describe, inspect, load, sha256};
 pub use search::{ENVIRONMENT, SearchPath};
 pub use views::place as place_views;
 
@@ -56,6 +61,9 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// At least one; eight for descriptors and for automatic placement.
     pub views: Vec<View>,
+    /// Points that shine, for the integrator `phong`. The path tracer does not see them: to it, what shines is what emits,
+    /// and the sky.
+    pub lights: Vec<Light>,
     /// What a ray that leaves the scene sees.
     pub sky: Sky,
     /// Where it came from.
@@ -64,7 +72,7 @@ pub struct Scene {
     pub report: LoadReport,
 }
 
-/// A Lambertian surface, linear RGB.
+/// A surface, linear RGB: Lambertian, unless `phong` says that it mirrors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// The name in the file, or an empty string.
@@ -73,6 +81,45 @@ pub struct Material {
     pub albedo: [f32; 3],
     /// Emitted radiance; zero for most.
     pub emission: [f32; 3],
+    /// How the integrator `phong` lights it; absent where nobody said. To the path tracer its `reflective` is the share of
+    /// light that is mirrored, the rest being diffuse.
+    pub phong: Option<Phong>,
+}
+
+impl Material {
+    /// A surface of that colour that does not emit.
+    pub fn diffuse(name: &str, albedo: [f32; 3]) -> Self {
+        Self { name: name.to_owned(), albedo, emission: [0.0; 3], phong: None }
+    }
+}
+
+/// Weights of the parts of light that a surface sends back by the shading model of RTRS, Lambert's and Blinn's and Phong's
+/// with mirror reflections (Lewis 2024, appendix B.1).
+///
+/// The paper calls the first three the components of the albedo, without telling them apart. Their order is inferred from
+/// its examples: `0.6 0.3 0.1` with a shininess of 50 and `0.9 0.1 0.0` with 10 are ivory and red rubber of a well-known
+/// tutorial (tinyraytracer), where they are these.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Phong {
+    /// Share of diffuse light.
+    pub diffuse: f32,
+    /// Share of highlights of the lights.
+    pub specular: f32,
+    /// Share of what is mirrored.
+    pub reflective: f32,
+    /// Exponent of the highlights: larger ones are smaller.
+    pub shininess: f32,
+}
+
+/// A point that shines in all directions.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Light {
+    /// Where it is.
+    pub position: [f32; 3],
+    /// How much, in the unit of RTRS, of which its paper says nothing; not negative.
+    pub strength: f32,
 }
 
 /// A pinhole camera.
@@ -130,11 +177,12 @@ pub struct Provenance {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Origin {
-    /// A model file.
+    /// A model file, or a descriptor that puts several together.
     File {
         /// Where it was found.
         path: PathBuf,
-        /// Hash of its bytes, in lower-case hexadecimal. External buffers and MTL files are not covered.
+        /// Hash of its bytes, in lower-case hexadecimal. External buffers and MTL files are not covered; the models of a
+        /// descriptor are where it has their hashes.
         sha256: String,
     },
     /// A procedural scene.

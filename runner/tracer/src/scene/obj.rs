@@ -83,6 +83,7 @@ fn material(material: &tobj::Material) -> Material {
         name: material.name.clone(),
         albedo: material.diffuse.map_or(super::load::default_material().albedo, |kd| kd.map(unit)),
         emission: material.emissive.map_or([0.0; 3], |ke| ke.map(radiance)),
+        phong: None,
     }
 }
 

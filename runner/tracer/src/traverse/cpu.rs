@@ -175,7 +175,7 @@ pub fn closest_hit<L: NodeLayout>(
             Target::Node(index) => {
                 counts.nodes += 1;
                 let mut hit: Vec<(f32, Target)> = Vec::new();
-                for child in layout::children::<L>(&nodes[index as usize]) {
+                for child in layout::children::<L>(nodes, index) {
                     counts.boxes += 1;
                     if let Some(t) = slab.enter(&child.bounds, ray.t_min, best.t) {
                         hit.push((t, child.target));

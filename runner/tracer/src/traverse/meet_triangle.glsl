@@ -7,24 +7,9 @@
 if (COUNT == RAYS) {
     triangles_tested++;
 }
-float t;
-uint found;
-if (TRIANGLE_TEST == WOOP) {
-    t = woop(origin, shear.shear, t_min, best.t, UnitTriangles(tree.triangles), index);
-    found = index;  // until the ray finishes
-} else {
-    vec4 v0 = tree.triangles.items[index].v0_index;
-    vec4 v1 = tree.triangles.items[index].v1;
-    vec4 v2 = tree.triangles.items[index].v2;
-    if (TRIANGLE_TEST == MOELLER_TRUMBORE) {
-        t = moeller_trumbore(origin, shear.shear, v0.xyz, v1.xyz, v2.xyz);
-    } else {
-        t = intersect(origin, shear, t_min, best.t, v0.xyz, v1.xyz, v2.xyz, HOIST != 0, uncertain);
-        if (uncertain) {
-            t = exact_distance(rays, ray, tree.triangles, index);
-        }
-    }
-    found = floatBitsToUint(v0.w);
+#include "traverse/try_triangle.glsl"
+if (uncertain) {
+    t = exact_distance(rays, ray, tree.triangles, index);
 }
 if (t > t_min && t < best.t) {
     best = Hit(t, found);

@@ -12,6 +12,7 @@ use crate::{
     Error, driver,
     gpu::{Gpu, Kernel, Pass, shaders},
     layout::Layout,
+    list::{self, Listing},
 };
 use bytemuck::{Pod, Zeroable};
 use groups::Order;
@@ -263,6 +264,27 @@ impl Wave {
     }
 }
 
+/// What rays are traced through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Structure {
+    /// A tree of ours.
+    Nodes(Layout),
+    /// The driver's own ray tracing.
+    Driver,
+    /// No tree.
+    List(Listing),
+}
+
+impl Structure {
+    /// How nodes are stored; nothing where there are none, or none that the driver tells of.
+    pub fn layout(self) -> Option<Layout> {
+        match self {
+            Self::Nodes(layout) => Some(layout),
+            Self::Driver | Self::List(_) => None,
+        }
+    }
+}
+
 /// Where a tree in its traversal layout lies on the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tree {
@@ -274,8 +296,10 @@ pub struct Tree {
     pub indices: u64,
     /// What triangles are stored for.
     pub test: TriangleTest,
-    /// How nodes are stored; nothing where the driver has built the tree, which does not tell.
-    pub layout: Option<Layout>,
+    /// What it is.
+    pub structure: Structure,
+    /// How many of the triangles rays are tested against, where there is no tree.
+    pub listed: u32,
     /// Bytes from one node to the next.
     pub stride: usize,
     /// Entries that a traversal's stack needs at most; of the compressed layout, where children are not visited by
@@ -346,6 +370,7 @@ pub struct Traversal {
 enum By {
     Kernels(Pair),
     Driver(driver::Rays),
+    List(list::Rays),
 }
 
 /// The kernels for both kinds of wavefronts.
@@ -372,14 +397,23 @@ impl Traversal {
     /// # Errors
     /// A workgroup size the device cannot run, a technique that it or the schedule does not allow, or a language
     /// that this build was made without. Of the driver's trees, counting what it does not tell.
+    ///
+    /// # Panics
+    /// Visits are to be counted to nodes of a layout that [has boxes of its own](Layout::has_own_boxes), or of no tree.
     pub fn new(gpu: &Gpu, params: &Params, tree: &Tree, counting: Counting) -> Result<Self, Error> {
-        let Some(layout) = tree.layout else {
-            if counting != Counting::Nothing {
+        let by = |by| Ok(Self { gpu: gpu.clone(), by });
+        let layout = match tree.structure {
+            Structure::Nodes(layout) => layout,
+            Structure::Driver if counting != Counting::Nothing => {
                 return Err(Error::DriverTellsNot("choose another variant"));
             }
-            let rays = driver::Rays::new(gpu, &params.driver)?;
-            return Ok(Self { gpu: gpu.clone(), by: By::Driver(rays) });
+            Structure::Driver => return by(By::Driver(driver::Rays::new(gpu, &params.driver)?)),
+            Structure::List(_) => {
+                assert!(counting != Counting::Visits, "a list has no nodes");
+                return by(By::List(list::Rays::new(gpu, params, tree.test, counting)?));
+            }
         };
+        assert!(counting != Counting::Visits || !layout.has_own_boxes(), "{layout:?} counts no visits");
         let launches = if gpu.info().ends_long_loops() { RELAUNCHES } else { 1 };
         let shader = match params.language {
             Language::Glsl => shaders::traverse_closest_hit(layout),
@@ -394,14 +428,14 @@ impl Traversal {
             Ok::<_, Error>((Kernel::with_reconvergence(gpu, shader, size, &constants, reconverge)?, stack))
         };
         let ((primary, stack), (secondary, _)) = (kernel(Wave::Primary)?, kernel(Wave::Secondary)?);
-        Ok(Self { gpu: gpu.clone(), by: By::Kernels(Pair { primary, secondary, stack, launches }) })
+        by(By::Kernels(Pair { primary, secondary, stack, launches }))
     }
 
     /// The largest [`Tree::stack`] that the kernels were compiled for; the driver sees to its own.
     pub fn stack(&self) -> u32 {
         match &self.by {
             By::Kernels(pair) => pair.stack,
-            By::Driver(_) => u32::MAX,
+            By::Driver(_) | By::List(_) => u32::MAX,
         }
     }
 
@@ -409,6 +443,7 @@ impl Traversal {
     pub fn kernel(&self, wave: Wave) -> Option<&Kernel> {
         match &self.by {
             By::Kernels(pair) => Some(pair.kernel(wave)),
+            By::List(list) => Some(list.kernel(wave)),
             By::Driver(_) => None,
         }
     }
@@ -426,6 +461,7 @@ impl Traversal {
         let pair = match &self.by {
             By::Kernels(pair) => pair,
             By::Driver(driver) => return driver.record(pass, name, tree, buffers, rays),
+            By::List(list) => return list.record(pass, name, wave, tree, buffers, rays),
         };
         let kernel = pair.kernel(wave);
         let size = kernel.workgroup_size();
@@ -468,7 +504,7 @@ impl Traversal {
     /// The driver ended a loop.
     pub fn check(&self, depth: usize, queue: &Queue) -> Result<(), Error> {
         match self.by {
-            By::Kernels(_) => check_finished(&self.gpu, depth, queue),
+            By::Kernels(_) | By::List(_) => check_finished(&self.gpu, depth, queue),
             // It is launched once for each ray, and nobody counts them.
             By::Driver(_) => Ok(()),
         }

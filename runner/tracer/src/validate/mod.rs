@@ -288,7 +288,12 @@ pub fn layout<L: NodeLayout>(
         require!(!reached[i as usize], "node {i} is reached twice");
         reached[i as usize] = true;
         let (mut in_node, mut empty) = (0, true);
-        for child in children::<L>(&nodes[i as usize]) {
+        for item in (0..L::LIMITS.children).flat_map(|slot| L::own_items(nodes, i, slot)) {
+            require!((item as usize) < nodes.len(), "item {item} of {}, below node {i}", nodes.len());
+            require!(!reached[item as usize], "item {item} is taken twice");
+            reached[item as usize] = true;
+        }
+        for child in children::<L>(nodes, i) {
             empty = false;
             match child.target {
                 Target::Node(index) => order.push((index, depth + 1)),
@@ -317,7 +322,7 @@ pub fn layout<L: NodeLayout>(
 
     let mut exact = vec![Aabb::EMPTY; nodes.len()];
     for &(i, _) in order.iter().rev() {
-        for child in children::<L>(&nodes[i as usize]) {
+        for child in children::<L>(nodes, i) {
             let bounds = match child.target {
                 Target::Node(index) => exact[index as usize],
                 Target::Leaf { first, count } => {

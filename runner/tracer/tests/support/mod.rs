@@ -15,7 +15,8 @@ use tracer::{
     layout::{Layout, compressed::Compressed8},
     scene::{LoadReport, Material, Origin, Provenance, Scene, Sky, View},
     traverse::{
-        Counting, Counts, Hit, Language, Params, Ray, Traversal, Tree, TriangleParams, TriangleTest, cpu,
+        Counting, Counts, Hit, Language, Params, Ray, Structure, Traversal, Tree, TriangleParams,
+        TriangleTest, cpu,
         groups::{self, Order},
     },
     with_layout,
@@ -179,7 +180,7 @@ pub fn plant(builder: &Builder, triangles: &[Triangle]) -> Planted {
     let tree = workspace.wide.tree(&report.summary, extent);
     let leaves = workspace.wide.stored.triangles.read(triangles.len()).unwrap();
     let count = report.summary.nodes as usize;
-    let layout = tree.layout.expect("a layout of ours");
+    let layout = tree.structure.layout().expect("a layout of ours");
     let twin: Twin = if layout.is_compressed() {
         let nodes = workspace.wide.read_nodes::<Compressed8>(count).unwrap();
         Box::new(move |ray| groups::cpu::closest_hit(&nodes, &leaves, extent, Order::Octant, ray))
@@ -220,11 +221,11 @@ pub fn traversal(tree: &Tree, counting: Counting) -> &'static Traversal {
 
 /// The same in a language.
 pub fn traversal_in(language: Language, tree: &Tree, counting: Counting) -> &'static Traversal {
-    type Key = (Language, Option<Layout>, TriangleTest, usize, u32, u32);
+    type Key = (Language, Structure, TriangleTest, usize, u32, u32);
     static KERNELS: Mutex<Option<HashMap<Key, &'static OnceLock<Traversal>>>> = Mutex::new(None);
     let params = Params { language, ..Params::default() };
     let stack = tree.stack.next_multiple_of(32).max(params.stack);
-    let key = (language, tree.layout, tree.test, tree.stride, stack, counting as u32);
+    let key = (language, tree.structure, tree.test, tree.stride, stack, counting as u32);
     // Nobody waits for kernels that somebody else compiles, unless they are the same.
     let slot = *KERNELS
         .lock()
@@ -307,8 +308,9 @@ pub fn scene(positions: Vec<Triangle>, albedo: [f32; 3], emission: [f32; 3], sky
         name: "test".into(),
         material_ids: vec![0; positions.len()],
         positions,
-        materials: vec![Material { name: String::new(), albedo, emission }],
+        materials: vec![Material { emission, ..Material::diffuse("", albedo) }],
         views: Vec::new(),
+        lights: Vec::new(),
         sky: Sky { zenith: sky, horizon: sky, ground: sky },
         provenance: Provenance {
             origin: Origin::File { path: "test".into(), sha256: String::new() },

@@ -20,7 +20,7 @@
 //! first misses it, whichever way the ray goes. (A point at infinity, which wide nodes have, would
 //! be multiplied by zero.)
 
-use super::{Child, LayoutParams, Limits, NodeLayout, Target, in_turn};
+use super::{Child, LayoutParams, Limits, NodeByNode, Target, in_turn};
 use crate::bvh2::{Aabb, MAX_TRIANGLES};
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
@@ -96,7 +96,7 @@ pub fn code(target: Target) -> u32 {
 #[derive(Clone, Copy, Debug)]
 pub struct Binary;
 
-impl NodeLayout for Binary {
+impl NodeByNode for Binary {
     type Node = BinaryNode;
     const NAME: &'static str = "Binary";
     const EXACT: bool = true;

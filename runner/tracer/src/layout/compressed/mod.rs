@@ -28,7 +28,7 @@
 //! places before anybody knows slots, so siblings change places among each other: `arrange.comp` says how.
 
 use super::{
-    Child, LayoutParams, Limits, NodeLayout, Target,
+    Child, LayoutParams, Limits, NodeByNode, Target,
     grid::{Grid, plane},
 };
 use crate::bvh2::{Aabb, MAX_TRIANGLES};
@@ -89,7 +89,7 @@ const _: () = {
 #[derive(Clone, Copy, Debug)]
 pub struct Compressed8;
 
-impl NodeLayout for Compressed8 {
+impl NodeByNode for Compressed8 {
     type Node = CompressedNode;
     const NAME: &'static str = "Compressed8";
     const EXACT: bool = false;

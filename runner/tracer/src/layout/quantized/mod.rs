@@ -30,7 +30,7 @@
 //! Decoded boxes contain the exact ones: see [`grid`](super::grid).
 
 use super::{
-    Child, LayoutParams, Limits, NodeLayout, Target,
+    Child, LayoutParams, Limits, NodeByNode, Target,
     grid::{Grid, plane},
     in_turn,
 };
@@ -71,7 +71,7 @@ macro_rules! layout {
         #[derive(Clone, Copy, Debug)]
         pub struct $layout;
 
-        impl NodeLayout for $layout {
+        impl NodeByNode for $layout {
             type Node = $node;
             const NAME: &'static str = stringify!($layout);
             const EXACT: bool = false;
@@ -167,7 +167,7 @@ mod tests {
     use crate::layout::grid::tests::{boxes, extremes};
     use proptest::prelude::*;
 
-    fn check<L: NodeLayout>(boxes: &[Aabb], leaves: usize) {
+    fn check<L: NodeByNode>(boxes: &[Aabb], leaves: usize) {
         let mut first = 40;
         let children: Vec<Child> = boxes
             .iter()

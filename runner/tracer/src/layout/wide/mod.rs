@@ -11,7 +11,7 @@
 //! are; the boxes of absent ones are points at infinity. `triangles`, the number in the whole subtree, is
 //! kept as the thesis keeps it; traversal does not read it.
 
-use super::{Child, LayoutParams, Limits, NodeLayout, binary, in_turn};
+use super::{Child, LayoutParams, Limits, NodeByNode, binary, in_turn};
 use crate::bvh2::{Aabb, MAX_TRIANGLES};
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
@@ -54,7 +54,7 @@ macro_rules! layout {
         #[derive(Clone, Copy, Debug)]
         pub struct $layout;
 
-        impl NodeLayout for $layout {
+        impl NodeByNode for $layout {
             type Node = $node;
             const NAME: &'static str = stringify!($layout);
             const EXACT: bool = true;

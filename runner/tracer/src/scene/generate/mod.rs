@@ -83,7 +83,7 @@ impl fmt::Display for Generator {
 }
 
 fn material(name: &str, albedo: [f32; 3]) -> Material {
-    Material { name: name.to_owned(), albedo, emission: [0.0; 3] }
+    Material::diffuse(name, albedo)
 }
 
 /// Triangles of one part, before the parts are put together.

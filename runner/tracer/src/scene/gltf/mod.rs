@@ -171,6 +171,7 @@ fn materials(root: &Root, report: &mut LoadReport) -> (Vec<Material>, u32) {
                 name: material.name.clone().unwrap_or_default(),
                 albedo: [unit(colour[0]), unit(colour[1]), unit(colour[2])],
                 emission: material.emissive_factor.0.map(radiance),
+                phong: None,
             }
         })
         .collect();

@@ -5,7 +5,7 @@ use bytemuck::Zeroable;
 use rayon::prelude::*;
 
 /// A tree in parts, before its nodes have numbers.
-pub(super) enum Tree {
+pub(crate) enum Tree {
     /// What one thread has built.
     Part(Part),
     /// A node and its subtrees.
@@ -13,7 +13,7 @@ pub(super) enum Tree {
 }
 
 /// A subtree that one thread has built, or a node above such.
-pub(super) struct Part {
+pub(crate) struct Part {
     /// In depth-first order.
     leaves: Vec<Bvh2Node>,
     /// Inner nodes of height 1, 2, …, in depth-first order, children before parents.
@@ -22,7 +22,7 @@ pub(super) struct Part {
 
 /// A node, as its parent sees it.
 #[derive(Clone, Copy)]
-pub(super) struct Child {
+pub(crate) struct Child {
     bounds: Aabb,
     at: Place,
 }
@@ -87,7 +87,7 @@ struct Numbered {
 }
 
 /// Numbers all nodes.
-pub(super) fn assemble(tree: Tree) -> Bvh2 {
+pub(crate) fn assemble(tree: Tree) -> Bvh2 {
     let mut parts = Vec::new();
     flatten(tree, &mut parts);
     let most = parts.iter().map(|p| p.part.levels.len()).max().unwrap_or(0);
