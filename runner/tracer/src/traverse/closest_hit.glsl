@@ -44,13 +44,6 @@ const uint LEAF_BIT = 0x80000000u;
 // empty rounds: drivers that end loops count those they did not unroll.
 const uint NODE_STEPS = 1 + MEET_STEPS + ARITY;
 
-// In phases, nodes that lanes visit before they ask again whether all have a leaf. Where a visit is short, asking is dear.
-#if defined(LAYOUT_BINARY)
-const uint VISITS_A_VOTE = 3;
-#else
-const uint VISITS_A_VOTE = 1;
-#endif
-
 bool is_inner(uint child) {
     return int(child) >= 0;
 }
@@ -130,14 +123,12 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
             }
             // Inner nodes, until every lane with a ray has a leaf or has nothing left.
             while (subgroupAny(is_inner(node) && leaf == NONE)) {
-                [[unroll]] for (uint visit = 0; visit < VISITS_A_VOTE; visit++) {
-                    steps += NODE_STEPS;
-                    if (COUNT == RAYS) {
-                        node_steps += step_of(lanes(is_inner(node)));
-                    }
-                    if (is_inner(node)) {
+                steps += NODE_STEPS;
+                if (COUNT == RAYS) {
+                    node_steps += step_of(lanes(is_inner(node)));
+                }
+                if (is_inner(node)) {
 #include "traverse/visit_node.glsl"
-                    }
                 }
                 if (QUOTA != 0 && steps > QUOTA) {
                     break;
