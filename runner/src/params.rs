@@ -176,6 +176,13 @@ impl Params {
         tracer::traverse::Params { language, technique, groups, order, driver, ..self.trace.clone() }
     }
 
+    /// What is taken for the binary tree that a variant is made from or held against, which is never traced in packets.
+    pub fn of_binary(&self) -> Self {
+        let mut own = self.clone();
+        own.trace.primary_packets = 0;
+        own
+    }
+
     /// Whether the device has room for the workgroups of a variant's kernels.
     pub fn fits(&self, variant: Variant, gpu: &Gpu) -> bool {
         variant.layout().is_none_or(|layout| self.trace(variant).fits(gpu, layout))

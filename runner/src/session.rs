@@ -680,7 +680,7 @@ impl Session {
             variant,
             layout,
             params: params.clone(),
-            sampler: self.traversal(&tree, variant, params, Counting::Visits)?,
+            sampler: self.traversal(&tree, variant, &params.of_binary(), Counting::Visits)?,
             visits: VisitCounter::new(&self.gpu, workspace.leaves()).with_context(context)?,
             wide: widen.workspace(workspace.leaves()).with_context(context)?,
             widen,

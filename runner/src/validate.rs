@@ -157,7 +157,7 @@ fn check(
         views.iter().map(|&v| Camera::new(&loaded.scene.views[v], size.0, size.1)).collect();
 
     // Rays of every view and depth, and what they hit in the binary tree.
-    let plain = session.traversal(&reference, Variant::BINARY, params, Counting::Nothing)?;
+    let plain = session.traversal(&reference, Variant::BINARY, &params.of_binary(), Counting::Nothing)?;
     let mut rays: Vec<Ray> = Vec::new();
     let mut hits: Vec<Hit> = Vec::new();
     tracer.clear()?;
@@ -182,7 +182,7 @@ fn check(
     let leaves = workspace.leaves();
     let wide = widen.workspace(leaves)?;
     let visits = contract::VisitCounter::new(gpu, leaves)?;
-    let sampler = session.traversal(&reference, variant, params, Counting::Visits)?;
+    let sampler = session.traversal(&reference, variant, &params.of_binary(), Counting::Visits)?;
     // A variant that goes by view has a tree for each; the others have one for all.
     let own_views = if variant.by_view { cameras.len() } else { 1 };
     for view in 0..own_views {
