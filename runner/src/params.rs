@@ -304,6 +304,8 @@ impl Params {
             ("groups.n_d", f64::from(self.groups.n_d), 0.0..=32.0),
             ("groups.n_t", f64::from(self.groups.n_t), 0.0..=32.0),
             ("groups.r_t", f64::from(self.groups.r_t), 0.0..=1.0),
+            ("groups.share_from", f64::from(self.groups.share_from), 0.0..=1.0),
+            ("groups.steal_below", f64::from(self.groups.steal_below), 0.0..=1.0),
             ("driver.row", f64::from(self.driver.row), 0.0..=65_536.0),
             ("groups.shared_stack", f64::from(self.groups.shared_stack), 0.0..=16.0),
         ];

@@ -647,6 +647,8 @@ fn schedules_and_orders_of_groups_change_no_distance() {
             (groups::Params { n_t: 0, shared_stack: 1, ..inactive }, 2),
             (groups::Params { share_triangles: true, ..lost }, 4),
             (groups::Params { share_triangles: true, shared_stack: 2, ..inactive }, 1),
+            (groups::Params { share_triangles: true, share_from: 0.6, steal_below: 0.5, ..lost }, 2),
+            (groups::Params { steal_below: 1.0, shared_stack: 1, ..inactive }, 4),
             (groups::Params { n_t: 32, r_t: 0.5, shared_stack: 2, ..inactive }, 3),
         ] {
             let params = Params {
@@ -684,6 +686,43 @@ fn schedules_and_orders_of_groups_change_no_distance() {
     let params = Params { groups: too_much, primary_subgroups: 1 << 20, ..Params::default() };
     let error = Traversal::new(gpu(), &params, &planted.tree, Counting::Nothing).unwrap_err().to_string();
     assert!(error.contains("groups.shared_stack"), "{error}");
+    assert_silent();
+}
+
+/// Waiting for full subgroups of triangles spares steps at triangles, stealing spares steps at nodes; neither changes a hit,
+/// and what all lanes have done for a ray is counted.
+#[test]
+fn lanes_that_wait_or_steal_take_fewer_steps() {
+    let triangles = scattered(3000, 10.0, 1.0);
+    let rays = awkward_rays(&triangles, 6_000);
+    for test in TriangleTest::ALL {
+        let planted = plant(&builder_for(test, Layout::Compressed8), &triangles);
+        let alone = groups::Params { share_triangles: true, ..groups::Params::default() };
+        let traced = |groups: &groups::Params| {
+            let params = Params { groups: groups.clone(), ..Params::default() };
+            let traversal = Traversal::new(gpu(), &params, &planted.tree, Counting::Rays).unwrap();
+            trace_and_count(&traversal, Counting::Rays, Wave::Secondary, &planted, &rays)
+        };
+        let (want, _, plain) = traced(&alone);
+        for (waits, steals) in [(0.6, 0.0), (1.0, 0.0), (0.0, 0.5), (0.0, 1.0), (0.75, 1.0)] {
+            let (hits, counts, own) =
+                traced(&groups::Params { share_from: waits, steal_below: steals, ..alone.clone() });
+            let what = format!("{test:?}, waiting {waits}, stealing {steals}");
+            for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {
+                assert!(agree(hit.t, want.t, ray, 10.0), "{what}: {ray:?}: {hit:?}, not {want:?}");
+            }
+            let sum = |of: fn(&Counts) -> u32| counts.iter().map(|c| u64::from(of(c))).sum::<u64>();
+            assert_eq!(own.node_lanes, sum(|c| c.nodes), "{what}");
+            assert_eq!(own.triangle_lanes, sum(|c| c.triangles), "{what}");
+            if waits > 0.0 {
+                assert!(own.triangle_steps < plain.triangle_steps, "{what}: {own:?}, without {plain:?}");
+            }
+            // Those that wait look farther meanwhile.
+            if steals > 0.0 && waits == 0.0 {
+                assert!(own.node_steps < plain.node_steps, "{what}: {own:?}, without {plain:?}");
+            }
+        }
+    }
     assert_silent();
 }
 

@@ -13,19 +13,5 @@ if (COUNT == RAYS) {
 }
 if (ray == MISS && index < count) {
     ray = index;
-    Ray r = rays.items[index];
-    origin = r.origin;
-    t_min = r.t_min;
-    slab = slab_of_ray(r.origin, r.direction, tree.extent);
-    shear = aim(r.direction);
-    best = Hit(min(r.t_max, LARGEST), MISS);
-#if defined(LAYOUT_COMPRESSED)
-    group = ROOT;
-#else
-    node = 0;
-#endif
-    top = 0;
-    nodes_visited = 0;
-    boxes_tested = 0;
-    triangles_tested = 0;
+#include "traverse/take_ray.glsl"
 }

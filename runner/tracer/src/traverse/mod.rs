@@ -557,6 +557,7 @@ pub(crate) fn constants(
         .into_iter()
         .chain(params.groups.constants(params.order, lanes))
         .chain([packets, params.primary_packets.max(1), sharing])
+        .chain(params.groups.more_constants(lanes))
         .collect();
     Ok((constants, stack / times))
 }

@@ -16,6 +16,10 @@ const uint OCTANT = 0, DISTANCE = 1, RANDOM = 2;
 
 // Subgroups of a workgroup, where the lanes of each test triangles together; else 0.
 layout(constant_id = 20) const uint SHARING = 0;
+// Lanes with a ray under which others take over parts of theirs when none is left to fetch.
+layout(constant_id = 21) const uint STEAL_BELOW = 0;
+// Pairs of a triangle and a ray, fewer than which wait for more.
+layout(constant_id = 22) const uint LEAST_PAIRS = 1;
 
 #include "layout/compressed/node.glsl"
 
@@ -34,6 +38,11 @@ shared uvec2 shared_pairs[SHARING > 0 ? SHARING * PAIRS : 1];
 const int NO_HIT = 0x7fffffff;
 shared int shared_nearest[SHARING > 0 ? gl_WorkGroupSize.x : 1];
 shared uint shared_winner[SHARING > 0 ? gl_WorkGroupSize.x : 1];
+
+// Hits, whose distances are compared as integers.
+layout(buffer_reference, scalar, buffer_reference_align = 8) BETWEEN_STAGES buffer HitBits {
+    uvec2 items[];
+};
 
 #define PUSH(entry)                                                                          \
     if (uint(top) < SHARED_STACK) {                                                          \
@@ -62,7 +71,7 @@ uint inverse_octant(vec3 inverse, uint first_node) {
     return (inverse.x < 0.0 ? 0 : 1) | (inverse.y < 0.0 ? 0 : 2) | (inverse.z < 0.0 ? 0 : 4);
 }
 
-#define FINISHED (group.y == 0)
+#define FINISHED (group.y == 0 && (LEAST_PAIRS <= 1 || int(tested - queued_own) >= 0))
 
 void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     uint ray = MISS;
@@ -87,79 +96,27 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     uint steps = 0;    // loop iterations, for drivers that count them
     int lost = 0;      // turns, since rays were fetched
     bool more = true;  // rays may be left in the queue
+    // Of the pairs that lanes share, counted from the first one on: how many have been tested, how many are left over, and
+    // the last one of this lane.
+    uint tested = 0;
+    uint left_over = 0;
+    uint queued_own = 0;
     const uint count = queue.count;
     if (SHARING != 0) {
         shared_nearest[gl_LocalInvocationIndex] = NO_HIT;
     }
 
+#define LAST_RAYS 0
     for (;;) {
-        steps++;
-        uint busy = lanes(ray != MISS);
-        uint idle_lanes = gl_SubgroupSize - busy;
-        lost += int(idle_lanes) - int(FORGIVEN);
-        bool few = BY_INACTIVE != 0 ? idle_lanes > INACTIVE : lost > int(LOST_WORK);
-        if (more && (few && idle_lanes > 0 || busy == 0)) {
-#include "traverse/fetch.glsl"
-            busy = lanes(ray != MISS);
-            lost = 0;
-        }
-        if (busy == 0) {
-            break;
-        }
-        // Of all lanes alike: where it ends `more` or the loop for some lanes only, votes no longer mean the subgroup.
-        steps += NODE_STEPS;
-        if (COUNT == RAYS) {
-            node_steps += step_of(lanes(group.y > IS_NODES));
-        }
-        if (group.y > IS_NODES) {
-#include "traverse/groups/visit.glsl"
-        } else {
-            triangles = group;
-            group = uvec2(0);
-        }
-        if (SHARING != 0) {
-#include "traverse/groups/share.glsl"
-        } else {
-            for (;;) {
-                uint testing = lanes(triangles.y != 0);
-                if (testing == 0) {
-                    break;
-                }
-                if (testing * 1024 < busy * LEAST_TESTING) {
-                    if (triangles.y != 0) {
-                        PUSH(triangles)
-                        triangles.y = 0;
-                    }
-                    break;
-                }
-                steps++;
-                if (COUNT == RAYS) {
-                    triangle_steps += step_of(testing);
-                }
-                bool uncertain = false;
-                if (triangles.y != 0) {
-                    uint index = triangles.x + findLSB(triangles.y);
-                    triangles.y &= triangles.y - 1;
-#include "traverse/meet_triangle.glsl"
-                }
-                if (QUOTA != 0) {
-                    steps += subgroupAny(uncertain) ? 3 : 0;  // the loop in exact_distance
-                    if (steps > QUOTA) {
-                        break;
-                    }
-                }
-            }
-        }
-        if (group.y <= IS_NODES) {
-            group = uvec2(0);
-            if (top > 0) {
-                POP(group)
-            }
-        }
-#include "traverse/finish.glsl"
-        if (QUOTA != 0 && steps > QUOTA) {
-            break;
-        }
+#include "traverse/groups/turn.glsl"
+    }
+#undef LAST_RAYS
+#define LAST_RAYS 1
+    bool divided = false;  // whether other lanes have parts of the ray
+    bool helps = false;    // whether it was another's first
+    uint turn = 0;
+    while (STEAL_BELOW != 0) {
+#include "traverse/groups/turn.glsl"
     }
 
     if (COUNT == RAYS) {

@@ -68,6 +68,12 @@ pub struct Params {
     /// Whether the lanes of a subgroup test the triangles of all their rays together (`groups/share.glsl`), so that none
     /// need be put off. Not in the paper.
     pub share_triangles: bool,
+    /// Triangles of fewer rays than this share of a subgroup's lanes wait for more where they are shared, so that few lanes are
+    /// idle, and rays look a little farther than they need; 0 for none.
+    pub share_from: f32,
+    /// When no ray is left to fetch and a smaller share of a subgroup's lanes than this has one, the others take over parts
+    /// of theirs (`groups/steal.glsl`); 0 for never. Not in the paper.
+    pub steal_below: f32,
 }
 
 impl Default for Params {
@@ -81,11 +87,19 @@ impl Default for Params {
             r_t: 0.2,
             shared_stack: 8,
             share_triangles: false,
+            share_from: 0.0,
+            steal_below: 0.0,
         }
     }
 }
 
 impl Params {
+    /// Those from `STEAL_BELOW` on.
+    pub(super) fn more_constants(&self, lanes: u32) -> [u32; 2] {
+        let of_lanes = |share: f32| (share * lanes as f32).round() as u32;
+        [of_lanes(self.steal_below), of_lanes(self.share_from).max(1)]
+    }
+
     /// The constants of `closest_hits.glsl` from `SHARED_STACK` on, for subgroups of so many lanes.
     pub(super) fn constants(&self, order: Order, lanes: u32) -> [u32; 7] {
         let scaled = |of_32: u32| (of_32 * lanes).div_ceil(32);

@@ -1,6 +1,9 @@
 // Statements of closest_hits.glsl: the lanes of a subgroup test the triangles of all their rays together, so that few
 // lanes are idle, whichever rays the triangles are of. Pairs of a triangle and the lane that has its ray are written to
-// shared memory, then every lane takes one, borrows the ray, and tells the ray's lane of a hit.
+// shared memory, then every lane takes one, borrows the ray, and tells the ray's lane of a hit. Pairs that would leave
+// most lanes idle may be left over for the next turn (LEAST_PAIRS): their place is a ring, in which `tested` pairs have
+// gone and `left_over` are next.
+const uint ring = gl_SubgroupID * PAIRS;
 for (;;) {
     uint own = bitCount(triangles.y);
     // A sum over lanes before, spelled out: in a loop, some compilers make one that minds lanes which have left.
@@ -13,20 +16,31 @@ for (;;) {
     uint all = subgroupShuffle(sum, gl_SubgroupSize - 1);
     steps += 32;  // most triangles of a group, and the rounds below
     // What finds no room waits.
+    uint room = PAIRS - left_over;
+    at += left_over;
     while (triangles.y != 0 && at < PAIRS) {
-        shared_pairs[gl_SubgroupID * PAIRS + at] =
+        shared_pairs[ring + (tested + at) % PAIRS] =
             uvec2(triangles.x + findLSB(triangles.y), gl_SubgroupInvocationID);
         triangles.y &= triangles.y - 1;
         triangles_tested++;
         at++;
     }
+    if (own != 0) {
+        queued_own = tested + at;
+    }
     subgroupMemoryBarrierShared();
     subgroupBarrier();
-    uint pairs = min(all, PAIRS);
+    uint pairs = left_over + min(all, room);
+    if (LEAST_PAIRS > 1) {
+        // Too few are left over for more to come; those that did not come in this turn are not waited for.
+        left_over = pairs % gl_SubgroupSize;
+        left_over = left_over < LEAST_PAIRS && all > 0 && all <= room ? left_over : 0;
+        pairs -= left_over;
+    }
     for (uint first_pair = 0; first_pair < pairs; first_pair += gl_SubgroupSize) {
         uint its = first_pair + gl_SubgroupInvocationID;
         bool testing = its < pairs;
-        uvec2 pair = shared_pairs[gl_SubgroupID * PAIRS + min(its, pairs - 1)];
+        uvec2 pair = shared_pairs[ring + (tested + min(its, pairs - 1)) % PAIRS];
         if (COUNT == RAYS) {
             triangle_steps += step_of(lanes(testing));
         }
@@ -77,7 +91,8 @@ for (;;) {
         subgroupMemoryBarrierShared();
         subgroupBarrier();
     }
-    if (all <= PAIRS) {
+    tested += LEAST_PAIRS > 1 ? pairs : 0;
+    if (all <= room) {
         break;
     }
 }
