@@ -3,14 +3,10 @@
 
 const uint ALIGN = (STRIDE & 15) == 0 ? 16 : ((STRIDE & 7) == 0 ? 8 : 4);
 
-// What a kernel keeps of a ray for this layout. Two more roundings than exact boxes need: that of a node's
+// How much wider boxes are taken to be. Two more roundings than exact boxes need: that of a node's
 // origin along the ray, and that of what is added to it.
 const float PAD = EXACT_PAD * 1.5;
-#define RaySlab Slab
-
-RaySlab slab_of_ray(vec3 origin, vec3 direction, float extent) {
-    return slab_of(origin, direction, extent, PAD);
-}
+#include "ray_slab.glsl"
 
 // Iterations of the loops in `meet`, each with its last, empty one.
 const uint MEET_STEPS = 2 * ARITY + 2;

@@ -3,13 +3,9 @@
 
 const uint ALIGN = (STRIDE & 15) == 0 ? 16 : 8;
 
-// What a kernel keeps of a ray for this layout.
+// How much wider boxes are taken to be.
 const float PAD = EXACT_PAD;
-#define RaySlab Slab
-
-RaySlab slab_of_ray(vec3 origin, vec3 direction, float extent) {
-    return slab_of(origin, direction, extent, PAD);
-}
+#include "ray_slab.glsl"
 
 // Iterations of the loops in `meet`, each with its last, empty one.
 const uint MEET_STEPS = ARITY / 2 + 1;
