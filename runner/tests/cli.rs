@@ -561,6 +561,17 @@ fn every_variant_is_measured_and_compared() {
     assert!(nodes("Wide4") < 0.7 * nodes("Binary") && nodes("Wide8") < nodes("Wide4"));
 }
 
+/// The binary tree that rays and views' samples go through has no packets.
+#[test]
+fn packets_are_checked_of_the_variants_that_have_them() {
+    let here = folder();
+    let line = "validate cornell --variant Wide4* --variant !*Quantized* --variant !*Slang* --set trace.primary_packets=2 --size 16x9 --views 0";
+    let found = text(&works(here.path(), line).stdout);
+    assert!(found.contains("Wide4 CBTC: hits") && found.trim_end().ends_with("everything holds"), "{found}");
+    let none = "validate cornell --variant Binary --set trace.primary_packets=2 --size 16x9 --views 0";
+    fails(here.path(), none, 1, &["trace.primary_packets=0"]);
+}
+
 #[test]
 fn a_tree_with_spatial_splits_is_measured_validated_and_kept() {
     let here = folder();
