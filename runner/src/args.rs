@@ -871,7 +871,7 @@ pub struct Trace {
     /// Variant that traces
     #[arg(long, value_name = "NAME", default_value = "Binary")]
     pub variant: String,
-    /// Times the rays are traced, after one launch that does not count
+    /// Times the rays are traced, one launch right after the other, once the device has been busy for a second
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
     pub launches: u32,
     /// Launch as for primary rays; otherwise as for secondary ones

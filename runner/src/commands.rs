@@ -14,7 +14,11 @@ use crate::{
 };
 use anyhow::{Context, bail};
 use clap::CommandFactory;
-use std::{io::Write, path::Path};
+use std::{
+    io::Write,
+    path::Path,
+    time::{Duration, Instant},
+};
 use tracer::{
     gpu::DeviceInfo,
     layout::Layout,
@@ -392,6 +396,11 @@ fn refined(loaded: &Loaded, rays: &[Ray], mut hits: Vec<Hit>) -> Vec<Hit> {
     hits
 }
 
+/// How long `runner trace` keeps the device busy before launches count.
+const BUSY_BEFORE_LAUNCHES: Duration = Duration::from_secs(1);
+/// Launches in one submission.
+const MOST_AT_ONCE: u32 = 64;
+
 /// `runner trace`.
 pub fn trace(global: &Global, trace: &args::Trace) -> anyhow::Result<()> {
     let variant = Variant::one(&trace.variant)?;
@@ -408,13 +417,20 @@ pub fn trace(global: &Global, trace: &args::Trace) -> anyhow::Result<()> {
     let traversal = session.traversal(&tree, variant, &params, Counting::Nothing)?;
     let memory = TraceMemory::new(gpu, &rays)?;
     let wave = if trace.primary { Wave::Primary } else { Wave::Secondary };
-    let mut times = Vec::new();
-    for launch in 0..=trace.launches {
-        let milliseconds = memory.launch(gpu, &traversal, &tree, wave)?;
-        // The first launch may include compilation, and finds the caches cold.
-        if launch > 0 {
-            times.push(milliseconds);
+    // The first launch may include compilation, and an idle device takes a while to raise its clock.
+    let started = Instant::now();
+    let mut uncounted = 1;
+    loop {
+        memory.launch(gpu, &traversal, &tree, wave, uncounted)?;
+        if started.elapsed() > BUSY_BEFORE_LAUNCHES {
+            break;
         }
+        uncounted = (2 * uncounted).min(MOST_AT_ONCE);
+    }
+    let mut times = Vec::new();
+    while times.len() < trace.launches as usize {
+        let next = (trace.launches - times.len() as u32).min(MOST_AT_ONCE);
+        times.extend(memory.launch(gpu, &traversal, &tree, wave, next)?);
     }
     times.sort_by(f64::total_cmp);
     let rate = |milliseconds: f64| rays.len() as f64 / milliseconds / 1e3;

@@ -289,6 +289,8 @@ impl Params {
             ("trace.postpone_below", f64::from(self.trace.postpone_below), 0.0..=1.0),
             ("trace.primary_vote", f64::from(self.trace.primary_vote), 0.0..=32.0),
             ("trace.secondary_vote", f64::from(self.trace.secondary_vote), 0.0..=32.0),
+            ("trace.visits_a_vote", f64::from(self.trace.visits_a_vote), 1.0..=4.0),
+            ("trace.search_above", f64::from(self.trace.search_above), 0.0..=1.0),
             ("trace.primary_packets", f64::from(self.trace.primary_packets), 0.0..=4.0),
             ("trace.stack", f64::from(self.trace.stack), 1.0..=4096.0),
             ("sbvh.alpha", f64::from(self.sbvh.alpha), 0.0..=1e6),

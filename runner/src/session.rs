@@ -456,16 +456,26 @@ impl TraceMemory {
         pass.copy(&self.queue, 0, queues, at as u64 * bytes, bytes);
     }
 
-    /// Traces them all in one launch; milliseconds of the traversal kernel alone.
+    /// Traces them all so many times in one submission, so that the device does not idle in between; milliseconds of each
+    /// launch, of the traversal kernel alone.
     ///
     /// # Errors
     /// The device was lost, or its driver ended a loop.
-    pub fn launch(&self, gpu: &Gpu, traversal: &Traversal, tree: &Tree, wave: Wave) -> anyhow::Result<f64> {
+    pub fn launch(
+        &self,
+        gpu: &Gpu,
+        traversal: &Traversal,
+        tree: &Tree,
+        wave: Wave,
+        launches: u32,
+    ) -> anyhow::Result<Vec<f64>> {
         let mut pass = Pass::new(gpu)?;
-        self.record(&mut pass, "trace", traversal, tree, wave);
-        let milliseconds = pass.submit()?.milliseconds("trace");
+        for launch in 0..launches {
+            self.record(&mut pass, &launch.to_string(), traversal, tree, wave);
+        }
+        let timings = pass.submit()?;
         traversal.check(0, &self.queue()?)?;
-        Ok(milliseconds)
+        Ok((0..launches).map(|launch| timings.milliseconds(&launch.to_string())).collect())
     }
 
     /// How many rays there are.

@@ -536,6 +536,35 @@ fn scheduling_changes_no_distance() {
 }
 
 #[test]
+fn few_votes_and_stragglers_change_no_distance() {
+    let triangles = scattered(2000, 10.0, 1.0);
+    let rays = awkward_rays(&triangles, 5_003);
+    for layout in [Layout::Binary, Layout::Wide6, Layout::Quantized4, Layout::Direct] {
+        let planted = plant(builder_of(layout), &triangles);
+        for language in languages_of(layout) {
+            let traced = |visits_a_vote, search_above| {
+                let params = Params { visits_a_vote, search_above, language, ..Params::default() };
+                let traversal = Traversal::new(gpu(), &params, &planted.tree, Counting::Rays).unwrap();
+                trace_and_count(&traversal, Counting::Rays, Wave::Primary, &planted, &rays)
+            };
+            let (want, _, waiting) = traced(1, 0.0);
+            for (visits, search) in [(2, 0.0), (4, 0.25), (1, 1.0)] {
+                let (hits, _, utilization) = traced(visits, search);
+                let what = format!("{layout:?}, {language:?}, {visits} visits, {search}");
+                for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {
+                    assert!(agree(hit.t, want.t, ray, 0.0), "{what}: {ray:?}: {hit:?}, not {want:?}");
+                }
+                // Whoever waits for nobody tests triangles more often, with fewer lanes.
+                if search == 1.0 {
+                    assert!(utilization.triangle_steps > waiting.triangle_steps, "{what}");
+                }
+            }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
 fn packets_change_no_distance_and_test_what_any_of_their_rays_needs() {
     // Rays that go anywhere need most of a tree together, so it is small for drivers that end long loops.
     let scenes = [("scattered", scattered(500, 10.0, 1.0)), ("terrain", terrain(500))].into_iter();

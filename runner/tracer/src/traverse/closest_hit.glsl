@@ -6,7 +6,7 @@
 //
 //   until the queue is empty and no lane has a ray:
 //       when few lanes have a ray, idle lanes fetch new ones
-//       until every lane has a leaf to test (or no ray): inner nodes; the first leaf found is postponed
+//       until all lanes but few have a leaf to test (or no ray): inner nodes; the first leaf found is postponed
 //       until few lanes have a leaf while others could go on: triangles
 //
 // By vote, for rays that go their own ways:
@@ -121,16 +121,19 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
             if (BARRIER == 0 && busy == 0) {
                 break;
             }
-            // Inner nodes, until every lane with a ray has a leaf or has nothing left.
-            while (subgroupAny(is_inner(node) && leaf == NONE)) {
-                steps += NODE_STEPS;
-                if (COUNT == RAYS) {
-                    node_steps += step_of(lanes(is_inner(node)));
-                }
-                if (is_inner(node)) {
+            // Inner nodes, until all lanes with a ray, or all but few, have a leaf or have nothing left.
+            for (;;) {
+                steps += 2;
+                [[unroll]] for (uint visit = 0; visit < VISITS_A_VOTE; visit++) {
+                    steps += NODE_STEPS;
+                    if (COUNT == RAYS) {
+                        node_steps += step_of(lanes(is_inner(node)));
+                    }
+                    if (is_inner(node)) {
 #include "traverse/visit_node.glsl"
+                    }
                 }
-                if (QUOTA != 0 && steps > QUOTA) {
+                if (lanes(is_inner(node) && leaf == NONE) <= SEARCH_ABOVE || (QUOTA != 0 && steps > QUOTA)) {
                     break;
                 }
             }
@@ -146,8 +149,7 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
                 }
                 turn++;
             }
-            // Triangles, of the postponed leaf and of a second one where the lane waits with it. The first
-            // round tests at least one, because the loop above leaves no lane with a node but without a leaf.
+            // Triangles, of the postponed leaf and of a second one where the lane waits with it.
             for (;;) {
                 uint testing = lanes(leaf != NONE);
                 if (testing == 0 || (testing <= POSTPONE && subgroupAny(is_inner(node) && leaf == NONE))) {

@@ -123,6 +123,12 @@ pub struct Params {
     pub primary_vote: f32,
     /// Schedule of secondary rays, which part sooner and gain from votes.
     pub secondary_vote: f32,
+    /// Nodes that the lanes of a subgroup visit in phases before they vote whether any has to go on, 1 to 4. More spares votes,
+    /// and lets lanes idle that need no more.
+    pub visits_a_vote: u32,
+    /// Lanes go on to triangles when at most this share of a subgroup still looks for a leaf, in phases, and 0 waits for all.
+    /// More keeps few lanes from holding up others, and tests triangles with fewer lanes.
+    pub search_above: f32,
     /// How many primary rays a lane takes where the lanes of a subgroup walk the tree together, in place of either
     /// schedule; 0 where they do not. In GLSL and wide layouts that are not quantized, of no more children than a
     /// subgroup has lanes.
@@ -236,6 +242,8 @@ impl Default for Params {
             postpone_below: 0.25,
             primary_vote: 0.0,
             secondary_vote: 1.0,
+            visits_a_vote: 1,
+            search_above: 0.0,
             primary_packets: 0,
             stack: 64,
             kernels: Kernels::Separate,
@@ -558,6 +566,7 @@ pub(crate) fn constants(
         .chain(params.groups.constants(params.order, lanes))
         .chain([packets, params.primary_packets.max(1), sharing])
         .chain(params.groups.more_constants(lanes))
+        .chain([params.visits_a_vote, (params.search_above * lanes as f32).round() as u32])
         .collect();
     Ok((constants, stack / times))
 }

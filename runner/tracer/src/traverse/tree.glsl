@@ -41,6 +41,10 @@ const uint WATERTIGHT = 0, MOELLER_TRUMBORE = 1, WOOP = 2;
 layout(constant_id = 18) const uint PACKETS = 0;
 // Rays a lane, there.
 layout(constant_id = 19) const uint PACKET_RAYS = 1;
+// Nodes that lanes visit between two votes on whether to go on, in phases.
+layout(constant_id = 23) const uint VISITS_A_VOTE = 1;
+// Lanes that, when no more than these still look for a leaf, are not waited for, there.
+layout(constant_id = 24) const uint SEARCH_ABOVE = 0;
 
 // Per ray: nodes visited, boxes tested, triangles tested, nothing.
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Counts {
