@@ -398,7 +398,7 @@ fn refined(loaded: &Loaded, rays: &[Ray], mut hits: Vec<Hit>) -> Vec<Hit> {
 
 /// How long `runner trace` keeps the device busy before launches count.
 const BUSY_BEFORE_LAUNCHES: Duration = Duration::from_secs(1);
-/// Launches in one submission.
+/// Launches in one submission; fewer where as many would keep a device from answering for long.
 const MOST_AT_ONCE: u32 = 64;
 
 /// `runner trace`.
@@ -419,17 +419,17 @@ pub fn trace(global: &Global, trace: &args::Trace) -> anyhow::Result<()> {
     let wave = if trace.primary { Wave::Primary } else { Wave::Secondary };
     // The first launch may include compilation, and an idle device takes a while to raise its clock.
     let started = Instant::now();
-    let mut uncounted = 1;
+    let mut at_once = 1;
     loop {
-        memory.launch(gpu, &traversal, &tree, wave, uncounted)?;
+        memory.launch(gpu, &traversal, &tree, wave, at_once)?;
         if started.elapsed() > BUSY_BEFORE_LAUNCHES {
             break;
         }
-        uncounted = (2 * uncounted).min(MOST_AT_ONCE);
+        at_once = (2 * at_once).min(MOST_AT_ONCE);
     }
     let mut times = Vec::new();
     while times.len() < trace.launches as usize {
-        let next = (trace.launches - times.len() as u32).min(MOST_AT_ONCE);
+        let next = (trace.launches - times.len() as u32).min(at_once);
         times.extend(memory.launch(gpu, &traversal, &tree, wave, next)?);
     }
     times.sort_by(f64::total_cmp);

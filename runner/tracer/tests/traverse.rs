@@ -554,6 +554,7 @@ fn few_votes_and_stragglers_change_no_distance() {
                 for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {
                     assert!(agree(hit.t, want.t, ray, 0.0), "{what}: {ray:?}: {hit:?}, not {want:?}");
                 }
+                assert_ne!(utilization, waiting, "{what}: it makes a difference to the steps");
                 // Whoever waits for nobody tests triangles more often, with fewer lanes.
                 if search == 1.0 {
                     assert!(utilization.triangle_steps > waiting.triangle_steps, "{what}");

@@ -566,7 +566,7 @@ pub(crate) fn constants(
         .chain(params.groups.constants(params.order, lanes))
         .chain([packets, params.primary_packets.max(1), sharing])
         .chain(params.groups.more_constants(lanes))
-        .chain([params.visits_a_vote, (params.search_above * lanes as f32).round() as u32])
+        .chain([params.visits_a_vote.max(1), (params.search_above * lanes as f32).round() as u32])
         .collect();
     Ok((constants, stack / times))
 }
