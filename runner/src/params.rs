@@ -298,6 +298,7 @@ impl Params {
             ("sbvh.spatial_bins", f64::from(self.sbvh.spatial_bins), 2.0..=256.0),
             ("sbvh.sweep", f64::from(self.sbvh.sweep), 0.0..=4096.0),
             ("sbvh.budget", f64::from(self.sbvh.budget), 0.0..=16.0),
+            ("sbvh.reinsertions", f64::from(self.sbvh.reinsertions), 0.0..=100.0),
             ("layout.bits", f64::from(self.layout.bits), 4.0..=8.0),
             ("shade.specular", f64::from(self.shade.specular), 0.0..=1.0),
             ("shade.ambience", f64::from(self.shade.ambience), 0.0..=1e6),

@@ -27,7 +27,27 @@ fn check(triangles: &[Triangle], what: &str) -> Bvh2 {
     assert_eq!(validate::bvh2(&unsplit, triangles), Ok(()), "{what}, without spatial splits");
     assert_eq!(validate::references(&unsplit, triangles), Ok(()), "{what}, without spatial splits");
     in_order(&tree, what);
+    if n <= 20_000 {
+        check_reinserted(triangles, &tree, what);
+    }
     tree
+}
+
+/// Subtrees that are moved make a tree of the same leaves that costs no more.
+fn check_reinserted(triangles: &[Triangle], tree: &Bvh2, what: &str) -> Bvh2 {
+    let moved = sbvh::build(triangles, &SbvhParams { reinsertions: 2, ..SbvhParams::default() });
+    assert_eq!(validate::references(&moved, triangles), Ok(()), "{what}, reinserted");
+    in_order(&moved, what);
+    let leaves = |tree: &Bvh2| {
+        let mut leaves: Vec<[u32; 8]> =
+            tree.nodes[..tree.leaves].iter().map(|&l| bytemuck::cast(l)).collect();
+        leaves.sort_unstable();
+        leaves
+    };
+    assert!(leaves(tree) == leaves(&moved), "{what}: other leaves");
+    let (before, after) = (cost(tree), cost(&moved));
+    assert!(before.is_nan() || after <= before * (1.0 + 1e-5), "{what}: {before} to {after}");
+    moved
 }
 
 /// Leaves are in depth-first order, and a level holds the nodes of one height, in the same order.
@@ -142,7 +162,8 @@ fn depth_stays_within_bounds() {
 fn the_number_of_threads_does_not_matter() {
     let with = |threads: usize, triangles: &[Triangle]| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| sbvh::build(triangles, &SbvhParams::default()))
+        let params = SbvhParams { reinsertions: 2, ..SbvhParams::default() };
+        pool.install(|| sbvh::build(triangles, &params))
     };
     let bits = |tree: &Bvh2| bytemuck::cast_slice::<_, u32>(&tree.nodes).to_vec();
     let zeros: Vec<Triangle> =
@@ -179,6 +200,16 @@ fn generated_scenes_cost_less_than_with_plocs_tree() {
 }
 
 #[test]
+fn moved_subtrees_make_generated_scenes_cheaper() {
+    for scene in ["hairball:triangles=10000", "city:triangles=10000", "forest:triangles=10000"] {
+        let triangles = load(scene, &SearchPath::only([])).unwrap().positions;
+        let tree = sbvh::build(&triangles, &SbvhParams::default());
+        let (before, after) = (cost(&tree), cost(&check_reinserted(&triangles, &tree, scene)));
+        assert!(after < 0.98 * before, "{scene}: {before} to {after}");
+    }
+}
+
+#[test]
 fn spatial_splits_pay_off_where_triangles_are_long() {
     let triangles = load("hairball:triangles=10000", &SearchPath::only([])).unwrap().positions;
     let with = cost(&sbvh::build(&triangles, &SbvhParams::default()));
@@ -195,10 +226,11 @@ proptest! {
         corners in prop::collection::vec(prop::array::uniform3(prop::array::uniform3(-4i8..4)), 1..80),
         bins in 2u32..40,
         sweep in 0u32..40,
+        reinsertions in 0u32..3,
         scale in prop::sample::select(vec![1.0f32, 0.1, 1e-20, 1e20, 7e30]),
     ) {
         let triangles: Vec<Triangle> = corners.iter().map(|t| t.map(|p| p.map(|x| f32::from(x) * scale))).collect();
-        let params = SbvhParams { object_bins: bins, spatial_bins: bins, sweep, ..SbvhParams::default() };
+        let params = SbvhParams { object_bins: bins, spatial_bins: bins, sweep, reinsertions, ..SbvhParams::default() };
         let tree = sbvh::build(&triangles, &params);
         prop_assert_eq!(validate::references(&tree, &triangles), Ok(()));
     }
@@ -209,7 +241,7 @@ proptest! {
         offset in prop::sample::select(vec![0.0f32, 1e4, 1e7]),
     ) {
         let triangles: Vec<Triangle> = triangles.iter().map(|t| t.map(|p| p.map(|x| x + offset))).collect();
-        let tree = sbvh::build(&triangles, &SbvhParams::default());
+        let tree = sbvh::build(&triangles, &SbvhParams { reinsertions: 1, ..SbvhParams::default() });
         prop_assert_eq!(validate::references(&tree, &triangles), Ok(()));
     }
 
@@ -219,7 +251,7 @@ proptest! {
         triangles in prop::collection::vec(prop::array::uniform3(prop::array::uniform3(
             prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO)), 1..40),
     ) {
-        let tree = sbvh::build(&triangles, &SbvhParams::default());
+        let tree = sbvh::build(&triangles, &SbvhParams { reinsertions: 1, ..SbvhParams::default() });
         prop_assert_eq!(validate::references(&tree, &triangles), Ok(()));
     }
 }
