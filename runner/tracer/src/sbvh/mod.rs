@@ -96,11 +96,13 @@ struct Extent {
 impl Extent {
     const EMPTY: Self = Self { lo: Vec3A::INFINITY, hi: Vec3A::NEG_INFINITY };
 
+    #[inline]
     fn of(reference: &Reference) -> Self {
         let [lo, hi]: [[f32; 4]; 2] = bytemuck::cast(*reference);
         Self { lo: Vec3A::from_vec4(Vec4::from_array(lo)), hi: Vec3A::from_vec4(Vec4::from_array(hi)) }
     }
 
+    #[inline]
     fn union(self, other: Self) -> Self {
         Self { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
     }
@@ -122,6 +124,7 @@ impl Extent {
     }
 
     /// [`Aabb::half_area`].
+    #[inline]
     fn half_area(self, scale: f32) -> f32 {
         let [x, y, z] = ((self.hi - self.lo) * scale).to_array();
         x * y + y * z + z * x

@@ -36,9 +36,7 @@ const NONE: u32 = u32::MAX;
 /// A tree whose nodes are linked both ways, numbered as in the [`Bvh2`] that it was made from.
 #[derive(Clone)]
 struct Links {
-    bounds: Vec<Extent>,
-    /// Of leaves, nothing.
-    children: Vec<[u32; 2]>,
+    nodes: Vec<Bvh2Node>,
     parent: Vec<u32>,
     leaves: usize,
     /// Brings areas into the range of floats.
@@ -81,20 +79,17 @@ pub(super) fn reinsert(tree: Bvh2, passes: u32, scale: f32) -> Bvh2 {
         return tree;
     }
     let mut part = Part::new(tree.leaves);
-    links.add_to(&mut part, &tree.nodes, links.root());
+    links.add_to(&mut part, links.root());
     assemble(assemble::Tree::Part(part))
 }
 
 impl Links {
     fn of(tree: &Bvh2, scale: f32) -> Self {
-        let nodes = &tree.nodes;
-        let mut parent = vec![NONE; nodes.len()];
-        let mut children = vec![[NONE; 2]; nodes.len()];
-        for (index, node) in nodes.iter().enumerate().skip(tree.leaves) {
-            children[index] = [node.left, node.right];
-            children[index].iter().for_each(|&child| parent[child as usize] = index as u32);
+        let mut parent = vec![NONE; tree.nodes.len()];
+        for (index, node) in tree.nodes.iter().enumerate().skip(tree.leaves) {
+            [node.left, node.right].iter().for_each(|&child| parent[child as usize] = index as u32);
         }
-        Self { bounds: nodes.iter().map(Extent::of).collect(), children, parent, leaves: tree.leaves, scale }
+        Self { nodes: tree.nodes.clone(), parent, leaves: tree.leaves, scale }
     }
 
     fn root(&self) -> u32 {
@@ -107,7 +102,18 @@ impl Links {
     }
 
     fn bounds(&self, index: u32) -> Extent {
-        self.bounds[index as usize]
+        Extent::of(&self.nodes[index as usize])
+    }
+
+    fn set_bounds(&mut self, index: u32, bounds: Extent) {
+        let node = &mut self.nodes[index as usize];
+        (node.lo, node.hi) = (bounds.lo.into(), bounds.hi.into());
+    }
+
+    /// Of an inner node.
+    fn children(&self, index: u32) -> [u32; 2] {
+        let node = &self.nodes[index as usize];
+        [node.left, node.right]
     }
 
     fn area(&self, extent: Extent) -> f32 {
@@ -119,7 +125,7 @@ impl Links {
     }
 
     fn sibling(&self, index: u32) -> u32 {
-        let [left, right] = self.children[self.parent(index) as usize];
+        let [left, right] = self.children(self.parent(index));
         if left == index { right } else { left }
     }
 
@@ -132,7 +138,7 @@ impl Links {
             .collect()
     }
 
-    /// Where a subtree gains most, if it gains anything. `stack` is scratch.
+    /// Where a subtree gains most, if it gains anything. `stack` is scratch, and empty.
     fn search(&self, subtree: u32, stack: &mut Vec<(f32, u32)>) -> Option<Move> {
         let parent = self.parent(subtree);
         if parent == self.root() {
@@ -141,51 +147,48 @@ impl Links {
         let own = self.bounds(subtree);
         let own_area = self.area(own);
         let mut best = Move { subtree, to: NONE, gain: 0.0 };
+        // Puts it beside a node, and tells what of the gain there is left for places below.
+        let consider = |best: &mut Move, gained: f32, to: u32| {
+            let bounds = self.bounds(to);
+            let gain = gained - self.area(bounds.union(own));
+            if gain > best.gain {
+                *best = Move { to, gain, ..*best };
+            }
+            gain + self.area(bounds)
+        };
         // What taking it out gains below the place where it may go in.
         let mut gained = self.area(self.bounds(parent));
-        // What is left there without it.
-        let mut rest = self.bounds(self.sibling(subtree));
+        // Into its own sibling it may go, but not beside it, where it is.
+        let sibling = self.sibling(subtree);
+        let mut rest = self.bounds(sibling);
+        stack.push((gained - self.area(rest.union(own)) + self.area(rest), sibling));
         let mut below = parent;
-        // Into its own sibling it may go, but not above it, where it is.
-        stack.clear();
-        let around = self.area(rest.union(own)) - self.area(rest);
-        self.go_into(self.sibling(subtree), gained - around, stack);
         loop {
             while let Some((gained, index)) = stack.pop() {
                 // A box around both is no smaller than its own.
-                if gained - own_area <= best.gain {
+                if self.is_leaf(index) || gained - own_area <= best.gain {
                     continue;
                 }
-                let gain = gained - self.area(self.bounds(index).union(own));
-                if gain > best.gain {
-                    best = Move { to: index, gain, ..best };
-                }
-                self.go_into(index, gain + self.area(self.bounds(index)), stack);
+                let [left, right] =
+                    self.children(index).map(|child| (consider(&mut best, gained, child), child));
+                // Where more is left first.
+                let (first, second) = if left.0 > right.0 { (left, right) } else { (right, left) };
+                stack.extend([second, first]);
             }
             if below == self.root() {
                 break;
             }
             if below != parent {
-                // Above an ancestor, whose box the parent then has.
-                let gain = gained - self.area(self.bounds(below));
-                if gain > best.gain {
-                    best = Move { to: below, gain, ..best };
-                }
+                consider(&mut best, gained, below);
             }
-            // One level up.
+            // One level up: `rest` is what is left of its box.
             let aside = self.sibling(below);
-            stack.push((gained, aside));
+            stack.push((consider(&mut best, gained, aside), aside));
             below = self.parent(below);
             rest = rest.union(self.bounds(aside));
             gained += self.area(self.bounds(below)) - self.area(rest);
         }
         (best.to != NONE).then_some(best)
-    }
-
-    fn go_into(&self, index: u32, gained: f32, stack: &mut Vec<(f32, u32)>) {
-        if !self.is_leaf(index) {
-            stack.extend(self.children[index as usize].map(|child| (gained, child)));
-        }
     }
 
     /// Moves a subtree if that still gains, and tells whether it does.
@@ -222,10 +225,11 @@ impl Links {
     fn put_in(&mut self, subtree: u32, to: u32) -> f64 {
         let parent = self.parent(subtree);
         self.replace(to, parent);
-        self.children[parent as usize] = [to, subtree];
+        let node = &mut self.nodes[parent as usize];
+        (node.left, node.right) = (to, subtree);
         self.parent[to as usize] = parent;
         let bounds = self.bounds(to).union(self.bounds(subtree));
-        self.bounds[parent as usize] = bounds;
+        self.set_bounds(parent, bounds);
         f64::from(self.area(bounds)) + self.mend(self.parent(parent))
     }
 
@@ -233,17 +237,18 @@ impl Links {
     fn replace(&mut self, old: u32, new: u32) {
         let parent = self.parent(old);
         self.parent[new as usize] = parent;
-        self.children[parent as usize].iter_mut().filter(|c| **c == old).for_each(|c| *c = new);
+        let node = &mut self.nodes[parent as usize];
+        *(if node.left == old { &mut node.left } else { &mut node.right }) = new;
     }
 
     /// Fits the boxes of a node and of all above it to their children, and tells by how much areas grow.
     fn mend(&mut self, mut index: u32) -> f64 {
         let mut grown = 0.0;
         while index != NONE {
-            let [left, right] = self.children[index as usize].map(|child| self.bounds(child));
+            let [left, right] = self.children(index).map(|child| self.bounds(child));
             let bounds = left.union(right);
             grown += f64::from(self.area(bounds)) - f64::from(self.area(self.bounds(index)));
-            self.bounds[index as usize] = bounds;
+            self.set_bounds(index, bounds);
             index = self.parent(index);
         }
         grown
@@ -256,18 +261,18 @@ impl Links {
         while let Some((index, depth)) = stack.pop() {
             if !self.is_leaf(index) {
                 highest = highest.max(depth);
-                stack.extend(self.children[index as usize].map(|child| (child, depth + 1)));
+                stack.extend(self.children(index).map(|child| (child, depth + 1)));
             }
         }
         highest
     }
 
     /// Adds a subtree to a part. No deeper than there are levels, of which there are few.
-    fn add_to(&self, part: &mut Part, nodes: &[Bvh2Node], index: u32) -> assemble::Child {
+    fn add_to(&self, part: &mut Part, index: u32) -> assemble::Child {
         if self.is_leaf(index) {
-            return part.leaf(nodes[index as usize]);
+            return part.leaf(self.nodes[index as usize]);
         }
-        let children = self.children[index as usize].map(|child| self.add_to(part, nodes, child));
+        let children = self.children(index).map(|child| self.add_to(part, child));
         part.inner(children)
     }
 }
@@ -344,10 +349,6 @@ mod tests {
         let triangles = triangles(200, 0.1);
         let tree = build(&triangles, &SbvhParams { reinsertions: 8, ..SbvhParams::default() });
         let mut links = Links::of(&tree, 1.0);
-        let bits = |links: &Links| -> Vec<[f32; 6]> {
-            let of = |e: &Extent| [e.lo.x, e.lo.y, e.lo.z, e.hi.x, e.hi.y, e.hi.z];
-            links.bounds.iter().map(of).collect()
-        };
         let (before, sum) = (links.clone(), area(&links));
         let mut refused = 0;
         for subtree in (0..links.root()).step_by(7) {
@@ -357,7 +358,14 @@ mod tests {
             }
         }
         assert!(refused > 500, "{refused}");
-        assert_eq!((bits(&links), &links.parent), (bits(&before), &before.parent));
+        for index in 0..=links.root() {
+            assert_eq!(links.parent(index), before.parent(index), "{index}");
+            assert_eq!(
+                links.nodes[index as usize].bounds(),
+                before.nodes[index as usize].bounds(),
+                "{index}"
+            );
+        }
     }
 
     #[test]
