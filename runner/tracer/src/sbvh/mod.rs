@@ -72,8 +72,8 @@ pub struct SbvhParams {
     /// Most references that spatial splits may add, as a multiple of the triangles. Memory grows with it
     /// where triangles are long and overlap, in the tree and in everything made of it.
     pub budget: f32,
-    /// Passes in which subtrees are moved to where they cost least, see `reinsert.rs`; the last is the one in which none
-    /// moves. Each takes about as long as building the tree, and the first two lower the SAH cost by most.
+    /// Passes in which subtrees are moved to where they cost least, see `reinsert.rs`. Each takes two to four times as long
+    /// as building the tree. Two lower the SAH cost by 7 %, and further ones by 1 %.
     pub reinsertions: u32,
 }
 
