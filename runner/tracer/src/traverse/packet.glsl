@@ -105,16 +105,21 @@ while (more) {
             // make way for the lane, and KEYS is added so that 0 stands for none; entering is early by a few units in
             // the last place.
             uint key = t < INFINITY ? (floatBitsToUint(t) & ~(KEYS - 1) | lane) + KEYS : 0;
-            // The farthest first.
+            // The farthest first, and the nearest is next.
             uint met = lanes(key != 0);
-            for (; met > 1; met--) {
-                steps += 2;
-                uint farthest = subgroupMax(key);
-                packet_stack[base + height++] = uvec2(at * ARITY + farthest % KEYS, farthest);
-                key = key == farthest ? 0 : key;
+            uint farther = 0;
+            steps += ARITY;
+            [[unroll]] for (uint k = 0; k < ARITY; k++) {
+                farther += subgroupBroadcast(key, k) > key ? 1 : 0;
             }
-            if (met == 1) {
-                next = at * ARITY + subgroupMax(key) % KEYS;
+            if (key != 0 && farther + 1 < met) {
+                packet_stack[base + height + farther] = uvec2(at * ARITY + lane, key);
+            }
+            subgroupMemoryBarrierShared();
+            uvec4 nearest = subgroupBallot(key != 0 && farther + 1 == met);
+            if (met > 0) {
+                next = at * ARITY + subgroupBallotFindLSB(nearest);
+                height += met - 1;
             }
             at = NONE;
         }
