@@ -292,6 +292,8 @@ impl Params {
             ("trace.visits_a_vote", f64::from(self.trace.visits_a_vote), 1.0..=4.0),
             ("trace.search_above", f64::from(self.trace.search_above), 0.0..=1.0),
             ("trace.primary_packets", f64::from(self.trace.primary_packets), 0.0..=4.0),
+            ("trace.end_together", f64::from(self.trace.end_together), 0.0..=1.0),
+            ("trace.end_steps", f64::from(self.trace.end_steps), 1.0..=1024.0),
             ("trace.stack", f64::from(self.trace.stack), 1.0..=4096.0),
             ("sbvh.alpha", f64::from(self.sbvh.alpha), 0.0..=1e6),
             ("sbvh.object_bins", f64::from(self.sbvh.object_bins), 2.0..=256.0),

@@ -64,6 +64,22 @@ pub enum Error {
          trace.primary_packets=0"
     )]
     NoPackets,
+    /// What only kernels in GLSL have, in Slang.
+    #[error("in Slang rays are traced without trace.octants and trace.end_together: set them to false and 0")]
+    GlslOnly,
+    /// What the subgroups of a workgroup share at the end is too large.
+    #[error(
+        "what {subgroups} subgroups share at the end are {bytes} bytes of shared memory, and a workgroup has {limit}: set \
+         trace.primary_subgroups lower, or trace.end_together=0"
+    )]
+    SharedEnds {
+        /// Subgroups a workgroup.
+        subgroups: u32,
+        /// What they share.
+        bytes: u32,
+        /// What there is.
+        limit: u32,
+    },
     /// The stacks of a workgroup's packets are too large.
     #[error(
         "{packets} stacks of {entries} entries are {bytes} bytes of shared memory, and a workgroup has {limit}: set \

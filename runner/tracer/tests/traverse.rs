@@ -542,15 +542,17 @@ fn few_votes_and_stragglers_change_no_distance() {
     for layout in [Layout::Binary, Layout::Wide6, Layout::Quantized4, Layout::Direct] {
         let planted = plant(builder_of(layout), &triangles);
         for language in languages_of(layout) {
-            let traced = |visits_a_vote, search_above| {
-                let params = Params { visits_a_vote, search_above, language, ..Params::default() };
+            let traced = |visits_a_vote, search_above, speculate| {
+                let params = Params { visits_a_vote, search_above, speculate, language, ..Params::default() };
                 let traversal = Traversal::new(gpu(), &params, &planted.tree, Counting::Rays).unwrap();
                 trace_and_count(&traversal, Counting::Rays, Wave::Primary, &planted, &rays)
             };
-            let (want, _, waiting) = traced(1, 0.0);
-            for (visits, search) in [(2, 0.0), (4, 0.25), (1, 1.0)] {
-                let (hits, _, utilization) = traced(visits, search);
-                let what = format!("{layout:?}, {language:?}, {visits} visits, {search}");
+            let (want, _, waiting) = traced(1, 0.0, true);
+            for (visits, search, speculate) in
+                [(2, 0.0, true), (4, 0.25, true), (1, 1.0, true), (1, 0.0, false), (3, 0.1, false)]
+            {
+                let (hits, _, utilization) = traced(visits, search, speculate);
+                let what = format!("{layout:?}, {language:?}, {visits} visits, {search}, {speculate}");
                 for ((ray, hit), want) in rays.iter().zip(&hits).zip(&want) {
                     assert!(agree(hit.t, want.t, ray, 0.0), "{what}: {ray:?}: {hit:?}, not {want:?}");
                 }
@@ -559,7 +561,70 @@ fn few_votes_and_stragglers_change_no_distance() {
                 if search == 1.0 {
                     assert!(utilization.triangle_steps > waiting.triangle_steps, "{what}");
                 }
+                // Whoever waits with a leaf visits no node that it would not need behind the leaf's triangles.
+                if !speculate {
+                    assert!(utilization.node_lanes < waiting.node_lanes, "{what}");
+                }
             }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn rays_that_workgroups_end_together_keep_their_distance() {
+    let scenes = [("scattered", scattered(3000, 10.0, 1.0)), ("terrain", terrain(2000))].into_iter();
+    for (name, triangles) in scenes.chain(awkward(200)) {
+        let rays = awkward_rays(&triangles, 2_003);
+        for layout in [Layout::Binary, Layout::Wide4, Layout::Wide8, Layout::Quantized6, Layout::Direct] {
+            let planted = plant(builder_of(layout), &triangles);
+            let alone = traversal(&planted.tree, Counting::Rays);
+            let (want, _) = trace(alone, Counting::Rays, Wave::Primary, &planted, &rays);
+            for (counting, primary_subgroups, end_together, end_steps, primary_fetch_below) in [
+                (Counting::Rays, 2, 0.1, 1, 0.5),
+                (Counting::Nothing, 4, 0.5, 2, 0.25),
+                (Counting::Rays, 8, 1.0, 5, 1.0),
+            ] {
+                let params = Params {
+                    end_together,
+                    end_steps,
+                    primary_subgroups,
+                    primary_fetch_below,
+                    ..Params::default()
+                };
+                let together = Traversal::new(gpu(), &params, &planted.tree, counting).unwrap();
+                let (hits, _) = trace(&together, counting, Wave::Primary, &planted, &rays);
+                for (i, (hit, want)) in hits.iter().zip(&want).enumerate() {
+                    let what = format!("{name}, {layout:?}, ray {i}");
+                    assert!(agree(hit.t, want.t, &rays[i], 0.0), "{what}: {hit:?}, not {want:?}");
+                }
+            }
+        }
+    }
+    assert_silent();
+}
+
+#[test]
+fn octants_change_nothing() {
+    let scenes = [("scattered", scattered(3000, 10.0, 1.0)), ("terrain", terrain(2000))].into_iter();
+    for (name, triangles) in scenes.chain(awkward(200)) {
+        // Rays in the order of their octants, some subgroups in one and some between two.
+        let mut rays = awkward_rays(&triangles, 2_003);
+        rays.sort_by_key(|ray| ray.direction.map(|d| d < 0.0));
+        let planted = plant(builder_of(Layout::Binary), &triangles);
+        let [without, with] = [false, true].map(|octants| {
+            let params = Params { octants, primary_subgroups: 1, ..Params::default() };
+            Traversal::new(gpu(), &params, &planted.tree, Counting::Rays).unwrap()
+        });
+        let traced = |traversal, rays| trace(traversal, Counting::Rays, Wave::Primary, &planted, rays);
+        for (ray, (hit, want)) in
+            rays.iter().zip(traced(&with, &rays).0.iter().zip(&traced(&without, &rays).0))
+        {
+            assert!(agree(hit.t, want.t, ray, 0.0), "{name}, {ray:?}: {hit:?}, not {want:?}");
+        }
+        // What a ray visits depends on which others it is traced with.
+        for rays in rays.chunks(gpu().info().subgroup_size as usize).step_by(8) {
+            assert_eq!(traced(&with, rays), traced(&without, rays), "{name}, {rays:?}");
         }
     }
     assert_silent();
@@ -570,16 +635,20 @@ fn packets_change_no_distance_and_test_what_any_of_their_rays_needs() {
     // Rays that go anywhere need most of a tree together, so it is small for drivers that end long loops.
     let scenes = [("scattered", scattered(500, 10.0, 1.0)), ("terrain", terrain(500))].into_iter();
     for (name, triangles) in scenes.chain(awkward(200)) {
-        // The last packet has few rays; behind those of a triangle each, one meets nothing.
-        let rays = awkward_rays(&triangles, 1_003);
+        // Most packets point into one octant, and some into two; the last has few rays.
+        let mut rays = awkward_rays(&triangles, 1_003);
+        rays.sort_by_key(|ray| ray.direction.map(|d| d < 0.0));
         for layout in [Layout::Wide4, Layout::Wide6, Layout::Wide8] {
             let planted = plant(builder_of(layout), &triangles);
             let alone = traversal(&planted.tree, Counting::Rays);
             let (want, alone) = trace(alone, Counting::Rays, Wave::Primary, &planted, &rays);
-            for (counting, primary_subgroups, primary_packets) in
-                [(Counting::Rays, 4, 1), (Counting::Nothing, 1, 2), (Counting::Rays, 2, 4)]
-            {
-                let params = Params { primary_packets, primary_subgroups, ..Params::default() };
+            for (counting, primary_subgroups, primary_packets, octants) in [
+                (Counting::Rays, 4, 1, false),
+                (Counting::Nothing, 1, 2, true),
+                (Counting::Rays, 2, 4, true),
+                (Counting::Rays, 4, 1, true),
+            ] {
+                let params = Params { primary_packets, primary_subgroups, octants, ..Params::default() };
                 let packets = Traversal::new(gpu(), &params, &planted.tree, counting).unwrap();
                 let (hits, counts) = trace(&packets, counting, Wave::Primary, &planted, &rays);
                 for (i, (hit, want)) in hits.iter().zip(&want).enumerate() {
@@ -615,6 +684,10 @@ fn packets_are_refused_where_there_are_none() {
     let slang = Params { language: Language::Slang, ..packets.clone() };
     if Language::Slang.missing().is_none() {
         assert!(matches!(refusal(Layout::Wide4, &slang), Error::NoPackets));
+    }
+    let slang = Params { language: Language::Slang, octants: true, ..Params::default() };
+    if Language::Slang.missing().is_none() {
+        assert!(matches!(refusal(Layout::Wide4, &slang), Error::GlslOnly));
     }
     let deep = Params { stack: 4096, primary_subgroups: 16, ..packets };
     assert!(matches!(refusal(Layout::Wide8, &deep), Error::PacketStacks { packets: 16, entries: 4096, .. }));

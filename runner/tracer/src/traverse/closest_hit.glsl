@@ -6,8 +6,10 @@
 //
 //   until the queue is empty and no lane has a ray:
 //       when few lanes have a ray, idle lanes fetch new ones
-//       until all lanes but few have a leaf to test (or no ray): inner nodes; the first leaf found is postponed
+//       until all lanes but few have a leaf to test (or no ray): inner nodes; with SPECULATE, the first leaf found is
+//       postponed
 //       until few lanes have a leaf while others could go on: triangles
+//   with END_STEPS, what rays are left then, the subgroups of a workgroup end together: end_phases.glsl
 //
 // By vote, for rays that go their own ways:
 //
@@ -66,6 +68,38 @@ const uint PACKET_ENTRIES = PACKETS > 0 ? STACK_SIZE * PACKETS : 1;
 shared uvec2 packet_stack[PACKET_ENTRIES];
 #endif
 
+// With END_STEPS, what the subgroups of a workgroup tell each other when the queue is empty: how many have ended; how each
+// stands, in two places by turns, because not all have read what is told when some tell more; what lanes leave to others:
+// ray, child, and the ray's number; and of the rays that were left, one for each invocation, what is nearest and what they
+// cost.
+shared uint ended;
+const uint BUSY = 1, MORE = 2, LATE = 4;
+shared uvec4 told_by[2 * SUBGROUPS];
+const uint LEFT_RAYS = END_STEPS > 0 ? gl_WorkGroupSize.x : 1;
+shared uvec3 left_to_others[LEFT_RAYS];
+shared uint shared_t[LEFT_RAYS];
+shared uint shared_triangle[LEFT_RAYS];
+const uint COUNTED_RAYS = COUNT == RAYS ? LEFT_RAYS : 1;
+shared uint shared_nodes[COUNTED_RAYS];
+shared uint shared_boxes[COUNTED_RAYS];
+shared uint shared_triangles[COUNTED_RAYS];
+
+#if defined(LAYOUT_BINARY)
+// The octant that the rays of all lanes which have one point into, or MIXED.
+uint octant_of_all(bool has_ray, SignedSlab slab) {
+    uint octant = 0;
+    [[unroll]] for (uint axis = 0; axis < 3; axis++) {
+        bool falls = slab.falling[axis] < 0.0;
+        bool all_fall = subgroupAll(falls || !has_ray);
+        bool all_rise = subgroupAll(!falls || !has_ray);
+        octant |= all_fall ? 1 << axis : (all_rise ? 0 : MIXED);
+    }
+    return min(octant, MIXED);
+}
+#endif
+
+// The octant that rays are taken to point into, where nodes are visited.
+#define OCTANT MIXED
 #define FINISHED (node == NONE && leaf == NONE)
 
 // Closest hits of the rays in a queue, until none is left.
@@ -95,6 +129,7 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     uint finished = 0;
     uint steps = 0;             // loop iterations, for drivers that count them
     bool more = true;           // rays may be left in the queue
+    uint octant = MIXED;        // that all rays of the subgroup point into
     const uint count = queue.count;
 
 #if defined(LAYOUT_WIDE)
@@ -105,74 +140,116 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     if (VOTE == 0) {
         uint turn = 0;
         uint told = 0;
+        bool again = true;
         if (BARRIER != 0) {
             if (gl_LocalInvocationIndex < 2) {
                 leaving[gl_LocalInvocationIndex] = 0;
             }
             barrier();
         }
-        for (;;) {
-            steps++;
-            uint busy = lanes(ray != MISS);
-            if (more && busy < FETCH_BELOW) {
-#include "traverse/fetch.glsl"
-                busy = lanes(ray != MISS);
-            }
-            if (BARRIER == 0 && busy == 0) {
-                break;
-            }
-            // Inner nodes, until all lanes with a ray, or all but few, have a leaf or have nothing left.
-            for (;;) {
-                steps += 2;
-                [[unroll]] for (uint visit = 0; visit < VISITS_A_VOTE; visit++) {
-                    steps += NODE_STEPS;
-                    if (COUNT == RAYS) {
-                        node_steps += step_of(lanes(is_inner(node)));
-                    }
-                    if (is_inner(node)) {
-#include "traverse/visit_node.glsl"
-                    }
+        while (again) {
+            again = false;
+            if (END_STEPS != 0) {
+                turn = 0;
+                if (gl_LocalInvocationIndex == 0) {
+                    ended = 0;
                 }
-                if (lanes(is_inner(node) && leaf == NONE) <= SEARCH_ABOVE || (QUOTA != 0 && steps > QUOTA)) {
-                    break;
-                }
-            }
-            if (BARRIER != 0) {
-                bool late = QUOTA != 0 && steps > QUOTA;
-                if (subgroupElect() && (late || busy == 0 && told < 2)) {
-                    atomicAdd(leaving[turn & 1], late ? ALL : 1);
-                }
-                told += busy == 0 ? 1 : 0;
                 barrier();
-                if (leaving[turn & 1] >= gl_NumSubgroups) {
-                    break;
-                }
-                turn++;
             }
-            // Triangles, of the postponed leaf and of a second one where the lane waits with it.
             for (;;) {
-                uint testing = lanes(leaf != NONE);
-                if (testing == 0 || (testing <= POSTPONE && subgroupAny(is_inner(node) && leaf == NONE))) {
+                steps++;
+                uint busy = lanes(ray != MISS);
+                if (more && busy < FETCH_BELOW) {
+#include "traverse/fetch.glsl"
+                    busy = lanes(ray != MISS);
+#if defined(LAYOUT_BINARY)
+                    octant = OCTANTS == 0 ? MIXED : octant_of_all(ray != MISS, slab);
+#endif
+                }
+                if (BARRIER == 0 && busy == 0) {
                     break;
                 }
-                steps++;
-                if (COUNT == RAYS) {
-                    triangle_steps += step_of(testing);
+                // Inner nodes, by the code for the octant.
+#include "traverse/search.glsl"
+#if defined(LAYOUT_BINARY)
+#undef OCTANT
+#define OCTANT 0
+#include "traverse/search.glsl"
+#undef OCTANT
+#define OCTANT 1
+#include "traverse/search.glsl"
+#undef OCTANT
+#define OCTANT 2
+#include "traverse/search.glsl"
+#undef OCTANT
+#define OCTANT 3
+#include "traverse/search.glsl"
+#undef OCTANT
+#define OCTANT 4
+#include "traverse/search.glsl"
+#undef OCTANT
+#define OCTANT 5
+#include "traverse/search.glsl"
+#undef OCTANT
+#define OCTANT 6
+#include "traverse/search.glsl"
+#undef OCTANT
+#define OCTANT 7
+#include "traverse/search.glsl"
+#undef OCTANT
+#define OCTANT MIXED
+#endif
+                if (BARRIER != 0) {
+                    bool late = QUOTA != 0 && steps > QUOTA;
+                    if (subgroupElect() && (late || busy == 0 && told < 2)) {
+                        atomicAdd(leaving[turn & 1], late ? ALL : 1);
+                    }
+                    told += busy == 0 ? 1 : 0;
+                    barrier();
+                    if (leaving[turn & 1] >= gl_NumSubgroups) {
+                        break;
+                    }
+                    turn++;
                 }
-                bool uncertain = false;
-                if (leaf != NONE) {
+                // Triangles, of the postponed leaf and of a second one where the lane waits with it.
+                for (;;) {
+                    uint testing = lanes(leaf != NONE);
+                    if (testing == 0 || (testing <= POSTPONE && subgroupAny(is_inner(node) && leaf == NONE))) {
+                        break;
+                    }
+                    steps++;
+                    if (COUNT == RAYS) {
+                        triangle_steps += step_of(testing);
+                    }
+                    bool uncertain = false;
+                    if (leaf != NONE) {
 #include "traverse/test_triangle.glsl"
+                    }
+                    if (QUOTA != 0) {
+                        steps += subgroupAny(uncertain) ? 3 : 0;  // the loop in exact_distance
+                        if (steps > QUOTA) {
+                            break;
+                        }
+                    }
                 }
-                if (QUOTA != 0) {
-                    steps += subgroupAny(uncertain) ? 3 : 0;  // the loop in exact_distance
-                    if (steps > QUOTA) {
+#include "traverse/finish.glsl"
+                if (BARRIER == 0 && QUOTA != 0 && steps > QUOTA) {
+                    break;
+                }
+                if (END_STEPS != 0) {
+                    // Devices that end loops may run one subgroup after the other, and none has then anything left to share.
+                    subgroupMemoryBarrierShared();
+                    if (subgroupAny(ended >= END_WHEN || (QUOTA != 0 && ++turn == END_STEPS))) {
                         break;
                     }
                 }
             }
-#include "traverse/finish.glsl"
-            if (BARRIER == 0 && QUOTA != 0 && steps > QUOTA) {
-                break;
+            if (END_STEPS != 0) {
+                if (subgroupElect()) {
+                    atomicAdd(ended, 1);
+                }
+                subgroupMemoryBarrierShared();
+#include "traverse/end_phases.glsl"
             }
         }
     } else {

@@ -6,7 +6,7 @@ if (subgroupElect()) {
 }
 first = subgroupBroadcastFirst(first);
 // Of subgroups that wait for each other, one may have to idle for as long as another works.
-more = first < count && (QUOTA == 0 || steps < QUOTA / (BARRIER == 0 ? 2 : 4));
+more = first < count && (QUOTA == 0 || steps < QUOTA / (BARRIER == 0 && END_STEPS == 0 ? 2 : 4));
 uint index = first + subgroupBallotExclusiveBitCount(idle);
 if (COUNT == RAYS) {
     fetches += step_of(lanes(ray == MISS && index < count));

@@ -133,6 +133,19 @@ pub struct Params {
     /// schedule; 0 where they do not. In GLSL and wide layouts that are not quantized, of no more children than a
     /// subgroup has lanes.
     pub primary_packets: u32,
+    /// Whether a lane that has found a leaf postpones it and visits nodes on until all have found one (speculative traversal,
+    /// Aila and Laine 2009), in phases. Otherwise it waits, which is less work, and pays where rays stay together.
+    pub speculate: bool,
+    /// Whether primary rays of a subgroup that all point into one octant are tested against boxes by the planes where such rays
+    /// enter and leave, in phases through `Binary` by code for each octant, and in packets. In GLSL.
+    pub octants: bool,
+    /// When the queue is empty and this share of a workgroup's subgroups has ended, all of them end together the primary rays
+    /// that are left: lanes without a ray take over parts of others' ways, so that a launch does not wait for few long ones.
+    /// 0 where each ends what it has begun. In GLSL, in phases without barriers, and where a workgroup has more than one
+    /// subgroup and no more than a subgroup lanes.
+    pub end_together: f32,
+    /// How many nodes a lane visits, and triangles it tests, between two looks at what others have left then.
+    pub end_steps: u32,
     /// Entries of the traversal stack; made larger where a tree needs more.
     pub stack: u32,
     /// Whether the stages of a path are launched apart, or are one persistent kernel.
@@ -245,6 +258,10 @@ impl Default for Params {
             visits_a_vote: 1,
             search_above: 0.0,
             primary_packets: 0,
+            speculate: true,
+            octants: false,
+            end_together: 0.0,
+            end_steps: 4,
             stack: 64,
             kernels: Kernels::Separate,
             groups: groups::Params::default(),
@@ -557,6 +574,23 @@ pub(crate) fn constants(
     }
     let packets = if packets { params.primary_subgroups } else { 0 };
     let sharing = if params.groups.share_triangles { subgroups } else { 0 };
+    let (octants, together) = match wave {
+        Wave::Primary => (params.octants, params.end_together > 0.0),
+        Wave::Secondary => (false, false),
+    };
+    if (octants || together) && params.language != Language::Glsl {
+        return Err(Error::GlslOnly);
+    }
+    let in_phases = vote == 0 && packets == 0 && !layout.is_compressed();
+    let together = together && in_phases && !barrier && (2..=lanes).contains(&subgroups);
+    let end_when = ((params.end_together * subgroups as f32).round() as u32).clamp(1, subgroups);
+    // For each lane what it leaves to others, and its hit; for each subgroup, twice, how it stands.
+    let bytes =
+        subgroups.saturating_mul(lanes * (12 + 8 + if counting == Counting::Rays { 12 } else { 0 }) + 32);
+    if together && bytes > limit {
+        return Err(Error::SharedEnds { subgroups, bytes, limit });
+    }
+    let speculate = params.speculate || vote > 0;
     let [barrier, hoist] = [barrier, hoist].map(u32::from);
     let stride = tree.stride as u32;
     let (counting, test) = (counting as u32, tree.test as u32);
@@ -567,6 +601,8 @@ pub(crate) fn constants(
         .chain([packets, params.primary_packets.max(1), sharing])
         .chain(params.groups.more_constants(lanes))
         .chain([params.visits_a_vote.max(1), (params.search_above * lanes as f32).round() as u32])
+        .chain(if together { [params.end_steps.max(1), subgroups, end_when] } else { [0, 1, 1] })
+        .chain([octants, speculate].map(u32::from))
         .collect();
     Ok((constants, stack / times))
 }

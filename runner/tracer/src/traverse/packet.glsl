@@ -77,6 +77,17 @@ while (more) {
     }
     packet.t_min = least_of(packet.t_min);
     t_max = -least_of(-t_max);
+    // Where all rays point into one octant, all enter a box by the same planes. What is added to planes is then kept in
+    // their order.
+    bvec3 falls = lessThan(packet.inverse_hi, vec3(0.0));
+    bool ordered = OCTANTS != 0 && subgroupAll(falls == lessThan(packet.inverse_lo, vec3(0.0)));
+    if (ordered) {
+        [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
+            vec3 lower = slab_of_[r].lower, upper = slab_of_[r].upper;
+            slab_of_[r].lower = mix(lower, upper, falls);
+            slab_of_[r].upper = mix(upper, lower, falls);
+        }
+    }
     uint at = 0;  // a node to visit, or NONE
     uint height = 0;
     for (;;) {
@@ -141,8 +152,16 @@ while (more) {
         uint child = load_link(tree.nodes, parent, slot);
         steps += 4 * PACKET_RAYS + 4;
         bool any_meets = false;
+        vec3 enters_by = mix(lo, hi, falls), leaves_by = mix(hi, lo, falls);
         [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
-            meets[r] = enter(slab_of_[r], lo, hi, t_min_of[r], best_of[r].t) < INFINITY;
+            if (ordered) {
+                vec3 near = fma(enters_by, slab_of_[r].inverse, slab_of_[r].lower);
+                vec3 far = fma(leaves_by, slab_of_[r].inverse, slab_of_[r].upper);
+                float t;
+                meets[r] = crosses(near, far, t_min_of[r], best_of[r].t, t);
+            } else {
+                meets[r] = enter(slab_of_[r], lo, hi, t_min_of[r], best_of[r].t) < INFINITY;
+            }
             any_meets = any_meets || meets[r];
             if (COUNT == RAYS) {
                 counts_of[r].y++;

@@ -6,8 +6,5 @@ if ((leaf & 0x78000000u) != 0u) {
     leaf += 1u - (1u << 27);  // one triangle further, one fewer left
 } else {
     leaf = NONE;
-    if (is_leaf(node)) {
-        leaf = node;
-        node = stack[top--];
-    }
+#include "traverse/postpone.glsl"
 }

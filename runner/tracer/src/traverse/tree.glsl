@@ -45,6 +45,17 @@ layout(constant_id = 19) const uint PACKET_RAYS = 1;
 layout(constant_id = 23) const uint VISITS_A_VOTE = 1;
 // Lanes that, when no more than these still look for a leaf, are not waited for, there.
 layout(constant_id = 24) const uint SEARCH_ABOVE = 0;
+// Once the queue is empty, steps between two looks at what other subgroups of the workgroup have left; 0 where each subgroup
+// ends what it has begun.
+layout(constant_id = 25) const uint END_STEPS = 0;
+// Subgroups of a workgroup, there.
+layout(constant_id = 26) const uint SUBGROUPS = 1;
+// So many of them have to have nothing left before the others share what they have.
+layout(constant_id = 27) const uint END_WHEN = 1;
+// Whether rays of a subgroup that all point into one octant are tested against boxes as that allows.
+layout(constant_id = 28) const uint OCTANTS = 0;
+// Whether lanes that have found a leaf visit nodes on until all have one, in phases.
+layout(constant_id = 29) const uint SPECULATE = 1;
 
 // Per ray: nodes visited, boxes tested, triangles tested, nothing.
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Counts {

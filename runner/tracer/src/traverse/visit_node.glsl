@@ -1,5 +1,6 @@
 // Statements of closest_hit.glsl: a lane at an inner node tests its children, goes on with the nearest, and
-// stacks the others. (A function would have to be handed the stack.)
+// stacks the others. (A function would have to be handed the stack.) OCTANT is what its ray points into, or MIXED where
+// that is not known.
 #if defined(LAYOUT_BINARY)
 BinaryNode loaded = load_binary(tree.nodes, node);
 if (COUNT == RAYS) {
@@ -10,8 +11,8 @@ if (COUNT == VISITS) {
     atomicAdd(tree.visits.items[node], 1);
 }
 float t[2];
-bool left = meets(slab, loaded.lo[0], loaded.hi[0], t_min, best.t, t[0]);
-bool right = meets(slab, loaded.lo[1], loaded.hi[1], t_min, best.t, t[1]);
+bool left = meets(slab, OCTANT, loaded.lo[0], loaded.hi[0], t_min, best.t, t[0]);
+bool right = meets(slab, OCTANT, loaded.lo[1], loaded.hi[1], t_min, best.t, t[1]);
 // (With && on the left of a comparison, some compilers branch.)
 bool right_first = right && t[1] < (left ? t[0] : INFINITY);
 if (left && right) {
@@ -42,7 +43,6 @@ order(t, child);
 }
 node = hits_now > 0 ? child[0] : stack[top--];
 #endif
-if (is_leaf(node) && leaf == NONE) {
-    leaf = node;
-    node = stack[top--];
+if (SPECULATE != 0) {
+#include "traverse/postpone.glsl"
 }
