@@ -136,8 +136,8 @@ pub struct Params {
     /// Whether a lane that has found a leaf postpones it and visits nodes on until all have found one (speculative traversal,
     /// Aila and Laine 2009), in phases. Otherwise it waits, which is less work, and pays where rays stay together.
     pub speculate: bool,
-    /// Whether primary rays of a subgroup that all point into one octant are tested against boxes by the planes where such rays
-    /// enter and leave, in phases through `Binary` by code for each octant, and in packets. In GLSL.
+    /// Whether primary rays of a subgroup that all point into one octant are traced by code for that octant, which knows the
+    /// planes where they enter and leave boxes: in phases, through `Binary`. In GLSL.
     pub octants: bool,
     /// When the queue is empty and this share of a workgroup's subgroups has ended, all of them end together the primary rays
     /// that are left: lanes without a ray take over parts of others' ways, so that a launch does not wait for few long ones.

@@ -77,17 +77,6 @@ while (more) {
     }
     packet.t_min = least_of(packet.t_min);
     t_max = -least_of(-t_max);
-    // Where all rays point into one octant, all enter a box by the same planes. What is added to planes is then kept in
-    // their order.
-    bvec3 falls = lessThan(packet.inverse_hi, vec3(0.0));
-    bool ordered = OCTANTS != 0 && subgroupAll(falls == lessThan(packet.inverse_lo, vec3(0.0)));
-    if (ordered) {
-        [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
-            vec3 lower = slab_of_[r].lower, upper = slab_of_[r].upper;
-            slab_of_[r].lower = mix(lower, upper, falls);
-            slab_of_[r].upper = mix(upper, lower, falls);
-        }
-    }
     uint at = 0;  // a node to visit, or NONE
     uint height = 0;
     for (;;) {
@@ -116,21 +105,16 @@ while (more) {
             // make way for the lane, and KEYS is added so that 0 stands for none; entering is early by a few units in
             // the last place.
             uint key = t < INFINITY ? (floatBitsToUint(t) & ~(KEYS - 1) | lane) + KEYS : 0;
-            // The farthest first, and the nearest is next.
+            // The farthest first.
             uint met = lanes(key != 0);
-            uint farther = 0;
-            steps += ARITY;
-            [[unroll]] for (uint k = 0; k < ARITY; k++) {
-                farther += subgroupBroadcast(key, k) > key ? 1 : 0;
+            for (; met > 1; met--) {
+                steps += 2;
+                uint farthest = subgroupMax(key);
+                packet_stack[base + height++] = uvec2(at * ARITY + farthest % KEYS, farthest);
+                key = key == farthest ? 0 : key;
             }
-            if (key != 0 && farther + 1 < met) {
-                packet_stack[base + height + farther] = uvec2(at * ARITY + lane, key);
-            }
-            subgroupMemoryBarrierShared();
-            uvec4 nearest = subgroupBallot(key != 0 && farther + 1 == met);
-            if (met > 0) {
-                next = at * ARITY + subgroupBallotFindLSB(nearest);
-                height += met - 1;
+            if (met == 1) {
+                next = at * ARITY + subgroupMax(key) % KEYS;
             }
             at = NONE;
         }
@@ -152,16 +136,8 @@ while (more) {
         uint child = load_link(tree.nodes, parent, slot);
         steps += 4 * PACKET_RAYS + 4;
         bool any_meets = false;
-        vec3 enters_by = mix(lo, hi, falls), leaves_by = mix(hi, lo, falls);
         [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
-            if (ordered) {
-                vec3 near = fma(enters_by, slab_of_[r].inverse, slab_of_[r].lower);
-                vec3 far = fma(leaves_by, slab_of_[r].inverse, slab_of_[r].upper);
-                float t;
-                meets[r] = crosses(near, far, t_min_of[r], best_of[r].t, t);
-            } else {
-                meets[r] = enter(slab_of_[r], lo, hi, t_min_of[r], best_of[r].t) < INFINITY;
-            }
+            meets[r] = enter(slab_of_[r], lo, hi, t_min_of[r], best_of[r].t) < INFINITY;
             any_meets = any_meets || meets[r];
             if (COUNT == RAYS) {
                 counts_of[r].y++;
