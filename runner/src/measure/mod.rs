@@ -22,6 +22,7 @@ use crate::{
     telemetry::{Moment, Telemetry},
     variant::Variant,
 };
+use anyhow::Context;
 use ramp::Ramp;
 use record::{Adaptation, Build, Counters, Exclusion, Measurement, Method, Point, Stop, Timestamp};
 use shots::{Shot, Shots};
@@ -251,7 +252,13 @@ impl Measuring<'_> {
         }
         let counts = tracer.count(&kernels.counting, tree, camera, 0)?;
         let subgroup_size = self.session.gpu.info().subgroup_size;
-        Ok(counts.iter().map(|count| describe::count(count, subgroup_size)).collect())
+        let counts: Vec<_> = counts.iter().map(|count| describe::count(count, subgroup_size)).collect();
+        if let (Some(sample), true) = (seen.samples.first(), kernels.hit()) {
+            let timed: Vec<u64> = sample.depths.iter().map(|launch| launch.rays).collect();
+            let counted: Vec<u64> = counts.iter().map(|count| count.rays).collect();
+            check_same_rays(&timed, &counted).with_context(|| format!("view {}", seen.name))?;
+        }
+        Ok(counts)
     }
 
     /// Makes the tree of a view as often as trees are built, after warming up as long as that.
@@ -342,9 +349,35 @@ pub fn slowed(moment: &Moment, clock: Option<&record::Clock>) -> Option<Exclusio
     (f64::from(mhz) < clock.least_share * f64::from(clock.mhz)).then_some(Exclusion::LowClock)
 }
 
+/// Fails where the kernel that counts has met other rays, bounce by bounce, than the one that was timed with them: whoever
+/// misses what it should hit has fewer bounces. That is how a kernel shows which a driver has compiled to something else.
+/// Each is compiled by itself and may round differently, so that few rays more or less mean nothing.
+fn check_same_rays(timed: &[u64], counted: &[u64]) -> anyhow::Result<()> {
+    for bounce in 0..timed.len().max(counted.len()) {
+        let [timed, counted] = [timed, counted].map(|rays| rays.get(bounce).copied().unwrap_or(0));
+        anyhow::ensure!(
+            timed.abs_diff(counted) <= 16 + timed / 100,
+            "in bounce {bounce}, {timed} rays were timed, and the kernel that counts what they meet has traced {counted}: one \
+             of the two misses triangles, so neither number would mean anything. Run `runner validate` with this variant and \
+             these parameters to see which, update the driver, or leave them out"
+        );
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_kernel_that_misses_what_it_should_hit_is_noticed() {
+        assert!(check_same_rays(&[2_073_600, 1_998_123, 7], &[2_073_600, 1_998_125, 9]).is_ok());
+        assert!(check_same_rays(&[], &[]).is_ok());
+        let few = check_same_rays(&[2_073_600, 2_043_319], &[2_073_600, 284_039]).unwrap_err().to_string();
+        assert!(few.contains("bounce 1, 2043319 rays") && few.contains("284039"), "{few}");
+        assert!(check_same_rays(&[900, 450], &[900]).is_err());
+        assert!(check_same_rays(&[900], &[900, 450]).is_err());
+    }
 
     #[test]
     fn throttling_and_low_clocks_exclude_a_sample() {
