@@ -1,9 +1,13 @@
 #!/usr/bin/env python3
-"""Prints the race's table from race.json and peers.csv: rays of all views over the sum of the launches' medians."""
+"""Prints the race's table from race_*.json and peers.csv: rays of all views over the sum of the launches' medians.
+
+Of scenes of which only what the sweep printed is left, race_*.txt, it prints that, with a degree sign.
+"""
 
 import csv
 import json
 import pathlib
+import re
 import statistics
 
 HERE = pathlib.Path(__file__).parent
@@ -33,23 +37,32 @@ for row in csv.DictReader((HERE / "peers.csv").open()):
     for column in ("primary_mrps", "secondary_mrps"):
         peers.setdefault((row["scene"], column), []).append((float(row[column]), row["peer"]))
 
-points = json.loads((HERE / "race.json").read_text())["results"]
+points = [point for path in HERE.glob("race_*.json") for point in json.loads(path.read_text())["results"]]
+# By variant, scene, and whether of primary rays.
+rates = {(name(p), p["scene"]["name"], i == 0): rate(p, *(0, 0) if i == 0 else (1, 7)) for p in points for i in (0, 1)}
+printed = {}
+for path in HERE.glob("race_*.txt"):
+    for line in path.read_text().splitlines():
+        cells = re.split(r"\s{2,}", line)
+        if len(cells) > 8 and cells[0] == path.stem.removeprefix("race_"):
+            variant = cells[1] + (", shared triangles" if cells[3] == "true" else "")
+            printed.update({(variant, cells[0], i == 0): float(cells[5 + 2 * i]) for i in (0, 1)})
+
 scenes = list(dict.fromkeys(scene for scene, _ in peers))
-for title, column, first, last in (("primary", "primary_mrps", 0, 0), ("bounces 1 to 7", "secondary_mrps", 1, 7)):
+for title, column, primary in (("primary", "primary_mrps", True), ("bounces 1 to 7", "secondary_mrps", False)):
     print(f"\n| {title} | " + " | ".join(scenes) + " |\n|---|" + "---:|" * len(scenes))
-    names = list(dict.fromkeys(name(point) for point in points))
     best = {}
-    for variant in sorted(names):
+    for variant in sorted({variant for variant, _, _ in rates}):
         cells = []
         for scene in scenes:
-            its = [rate(p, first, last) for p in points if name(p) == variant and p["scene"]["name"] == scene]
-            cells.append(f"{statistics.median(its):.0f}" if its else "")
-            if its:
-                best[scene] = max(best.get(scene, 0), statistics.median(its))
+            key = (variant, scene, primary)
+            its = rates.get(key) or printed.get(key)
+            cells.append(f"{its:.0f}{'' if key in rates else '°'}" if its else "")
+            best[scene] = max(best.get(scene, 0), its or 0)
         print(f"| {variant} | " + " | ".join(cells) + " |")
     cuda = {scene: max(peers[scene, column])[0] for scene in scenes}
     print("| best CUDA | " + " | ".join(f"{cuda[scene]:.0f}" for scene in scenes) + " |")
-    print("| our best by it | " + " | ".join(f"{best[scene] / cuda[scene]:.2f}" for scene in scenes if scene in best) + " |")
+    print("| our best by it | " + " | ".join(f"{best[scene] / cuda[scene]:.2f}" for scene in scenes) + " |")
 
 clocks = [s.get("sm_clock_mhz") for p in points for v in p["views"] for s in v["samples"]]
 print(f"\nclocks: {min(clocks)} to {max(clocks)} MHz")
