@@ -583,7 +583,7 @@ pub(crate) fn constants(
     }
     let in_phases = vote == 0 && packets == 0 && !layout.is_compressed();
     let together = together && in_phases && !barrier && (2..=lanes).contains(&subgroups);
-    let end_when = ((params.end_together * subgroups as f32).round() as u32).clamp(1, subgroups);
+    let end_when = ((params.end_together * subgroups as f32).round() as u32).max(1);
     // For each lane what it leaves to others, and its hit; for each subgroup, twice, how it stands.
     let bytes =
         subgroups.saturating_mul(lanes * (12 + 8 + if counting == Counting::Rays { 12 } else { 0 }) + 32);
