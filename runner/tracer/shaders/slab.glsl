@@ -60,36 +60,30 @@ SignedSlab signed_slab_of(Slab slab) {
                       mix(slab.upper, slab.lower, falls));
 }
 
-// Whether a box is met between t_min, which is at least 0, and t_max, and the distance at which the ray enters it, by the
-// distances of the planes where it enters and where it leaves.
-//
-// The largest of three is found among integers, of which some devices do so at once. Bits of floats are in their order
-// unless all are below zero: then this is less than the largest, or more than the least, which does no harm.
-bool crosses(vec3 near, vec3 far, float t_min, float t_max, out float enters) {
-    ivec3 n = floatBitsToInt(near), f = floatBitsToInt(far);
-    enters = max(intBitsToFloat(max(max(n.x, n.y), n.z)), t_min);
-    return enters <= min(intBitsToFloat(min(min(f.x, f.y), f.z)), t_max);
-}
-
 // Octants have a bit an axis, set where directions fall. MIXED stands for any.
 const uint MIXED = 8;
 
-// Whether the ray meets the box. Where the octant that it points into is known when the kernel is compiled, one multiply-add
-// a plane is left, which computes the same.
+// Whether the ray meets the box between t_min, which is at least 0, and t_max, and the distance at which it enters. Where the
+// octant that it points into is known when the kernel is compiled, one multiply-add a plane is left, which computes the same.
+//
+// The largest of three is found among integers, of which some devices do so at once. Bits of floats are in their order
+// unless all are below zero: then this is less than the largest, or more than the least, which does no harm.
 bool meets(SignedSlab slab, uint octant, vec3 lo, vec3 hi, float t_min, float t_max, out float enters) {
+    vec3 near, far;
     if (octant == MIXED) {
-        vec3 near = fma(lo, slab.rising, fma(hi, slab.falling, slab.near));
-        vec3 far = fma(hi, slab.rising, fma(lo, slab.falling, slab.far));
-        return crosses(near, far, t_min, t_max, enters);
+        near = fma(lo, slab.rising, fma(hi, slab.falling, slab.near));
+        far = fma(hi, slab.rising, fma(lo, slab.falling, slab.far));
+    } else {
+        [[unroll]] for (uint axis = 0; axis < 3; axis++) {
+            bool falls = (octant >> axis & 1) != 0;
+            float inverse = falls ? slab.falling[axis] : slab.rising[axis];
+            near[axis] = fma(falls ? hi[axis] : lo[axis], inverse, slab.near[axis]);
+            far[axis] = fma(falls ? lo[axis] : hi[axis], inverse, slab.far[axis]);
+        }
     }
-    vec3 inverse, first, last;
-    [[unroll]] for (uint axis = 0; axis < 3; axis++) {
-        bool falls = (octant >> axis & 1) != 0;
-        inverse[axis] = falls ? slab.falling[axis] : slab.rising[axis];
-        first[axis] = falls ? hi[axis] : lo[axis];
-        last[axis] = falls ? lo[axis] : hi[axis];
-    }
-    return crosses(fma(first, inverse, slab.near), fma(last, inverse, slab.far), t_min, t_max, enters);
+    ivec3 n = floatBitsToInt(near), f = floatBitsToInt(far);
+    enters = max(intBitsToFloat(max(max(n.x, n.y), n.z)), t_min);
+    return enters <= min(intBitsToFloat(min(min(f.x, f.y), f.z)), t_max);
 }
 
 #endif

@@ -580,20 +580,30 @@ fn rays_that_workgroups_end_together_keep_their_distance() {
             let planted = plant(builder_of(layout), &triangles);
             let alone = traversal(&planted.tree, Counting::Rays);
             let (want, _) = trace(alone, Counting::Rays, Wave::Primary, &planted, &rays);
-            for (counting, primary_subgroups, end_together, end_steps, primary_fetch_below) in [
-                (Counting::Rays, 2, 0.1, 1, 0.5),
-                (Counting::Nothing, 4, 0.5, 2, 0.25),
-                (Counting::Rays, 8, 1.0, 5, 1.0),
+            for (counting, primary_subgroups, end_together, end_steps, primary_fetch_below, speculate) in [
+                (Counting::Rays, 2, 0.1, 1, 0.5, true),
+                (Counting::Nothing, 4, 0.5, 2, 0.25, false),
+                (Counting::Rays, 8, 1.0, 5, 1.0, false),
             ] {
                 let params = Params {
                     end_together,
                     end_steps,
                     primary_subgroups,
                     primary_fetch_below,
+                    speculate,
+                    octants: !speculate,
                     ..Params::default()
                 };
                 let together = Traversal::new(gpu(), &params, &planted.tree, counting).unwrap();
-                let (hits, _) = trace(&together, counting, Wave::Primary, &planted, &rays);
+                let (hits, counts, utilization) =
+                    trace_and_count(&together, counting, Wave::Primary, &planted, &rays);
+                if counting == Counting::Rays {
+                    // Whatever others have visited for a ray is added to what it cost.
+                    let nodes: u64 = counts.iter().map(|c| u64::from(c.nodes)).sum();
+                    let triangles: u64 = counts.iter().map(|c| u64::from(c.triangles)).sum();
+                    let visited = (utilization.node_lanes, utilization.triangle_lanes);
+                    assert_eq!((nodes, triangles), visited, "{name}, {layout:?}");
+                }
                 for (i, (hit, want)) in hits.iter().zip(&want).enumerate() {
                     let what = format!("{name}, {layout:?}, ray {i}");
                     assert!(agree(hit.t, want.t, &rays[i], 0.0), "{what}: {hit:?}, not {want:?}");
