@@ -406,6 +406,7 @@ mod tests {
         for (name, test) in [
             ("watertight", TriangleTest::Watertight),
             ("moeller-trumbore", TriangleTest::MoellerTrumbore),
+            ("kensler-shirley", TriangleTest::KenslerShirley),
             ("woop", TriangleTest::Woop),
         ] {
             let params = Params::with(Variant::BINARY, &[format!("triangle.test={name}")]).unwrap();

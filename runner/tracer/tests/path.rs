@@ -635,9 +635,11 @@ fn a_single_kernel_paints_the_same_picture() {
     let camera = Camera::new(&room.views[0], size.0, size.1);
     let tracer = PathTracer::new(gpu(), &device, size, &path, false).unwrap();
     let usual = Layout::ALL.iter().map(|&layout| (TriangleTest::Watertight, layout));
-    for (test, layout) in
-        usual.chain([(TriangleTest::MoellerTrumbore, Layout::Wide4), (TriangleTest::Woop, Layout::Binary)])
-    {
+    for (test, layout) in usual.chain([
+        (TriangleTest::MoellerTrumbore, Layout::Wide4),
+        (TriangleTest::KenslerShirley, Layout::Wide8),
+        (TriangleTest::Woop, Layout::Binary),
+    ]) {
         let planted = plant(&builder_for(test, layout), &room.positions);
         let params = traverse::Params::default();
         let separate = Traversal::new(gpu(), &params, &planted.tree, Counting::Nothing).unwrap();

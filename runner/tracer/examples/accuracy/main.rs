@@ -53,12 +53,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 /// What each test says of the same rays.
-fn measure(kind: Kind, rays: u64) -> [Tally; 3] {
+fn measure(kind: Kind, rays: u64) -> [Tally; TriangleTest::ALL.len()] {
     (0..rays.div_ceil(SHARD))
         .into_par_iter()
         .map(|shard| {
             let mut inputs = Inputs::new(shard);
-            let mut tallies: [Tally; 3] = Default::default();
+            let mut tallies: [Tally; TriangleTest::ALL.len()] = Default::default();
             for _ in 0..SHARD.min(rays - shard * SHARD) {
                 let case = inputs.case(kind);
                 for (test, tally) in TriangleTest::ALL.into_iter().zip(&mut tallies) {

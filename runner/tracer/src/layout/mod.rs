@@ -9,7 +9,7 @@ use crate::{
     bvh2::{Aabb, Bvh2Buffers, Triangle},
     contract::WideBuffers,
     gpu::{self, Buffer, Error, Gpu, Kernel, Pass, shaders},
-    traverse::TriangleTest,
+    traverse::{TriangleFormat, TriangleTest},
 };
 use bytemuck::{Pod, Zeroable};
 use compressed::Assignment;
@@ -27,7 +27,7 @@ mod triangles;
 pub mod wide;
 
 pub use crate::permutations::Layout;
-pub use triangles::{LeafTriangles, UnitTriangle};
+pub use triangles::{EdgeTriangle, LeafTriangles, UnitTriangle};
 
 /// Runs an expression with `$L` standing for the [`NodeLayout`] of a [`Layout`].
 #[macro_export]
@@ -427,7 +427,7 @@ impl Encode {
         Ok(Self {
             arrange,
             nodes: Kernel::new(gpu, shaders::layout_encode(layout), encoding, &[stride as u32, params.bits])?,
-            triangles: Kernel::new(gpu, &shaders::LAYOUT_TRIANGLES, size, &[test.takes_maps().into()])?,
+            triangles: Kernel::new(gpu, &shaders::LAYOUT_TRIANGLES, size, &[test.format() as u32])?,
             layout,
             stride,
             test,
@@ -516,7 +516,7 @@ pub struct LayoutBuffers {
 /// Device memory of [`LeafTriangles`].
 #[derive(Debug)]
 pub struct TriangleBuffers {
-    /// Of [`LeafTriangle`] or [`UnitTriangle`]: which, the test says.
+    /// Of [`LeafTriangle`], [`EdgeTriangle`] or [`UnitTriangle`]: which, the test says.
     pub stored: Buffer,
     /// With maps, u32.
     indices: Option<Buffer>,
@@ -529,7 +529,7 @@ impl TriangleBuffers {
         let indices = || gpu.buffer("indices in leaf order", (size_of::<u32>() * count) as u64);
         Ok(Self {
             stored: gpu.buffer("triangles in leaf order", (size_of::<LeafTriangle>() * count) as u64)?,
-            indices: test.takes_maps().then(indices).transpose()?,
+            indices: (test.format() == TriangleFormat::Maps).then(indices).transpose()?,
             test,
         })
     }
@@ -552,6 +552,9 @@ impl TriangleBuffers {
         Ok(match &self.indices {
             Some(indices) => {
                 LeafTriangles::Maps { maps: self.stored.read(0, count)?, indices: indices.read(0, count)? }
+            }
+            None if self.test.format() == TriangleFormat::Edges => {
+                LeafTriangles::Edges(self.stored.read(0, count)?)
             }
             None => LeafTriangles::Corners { test: self.test, triangles: self.stored.read(0, count)? },
         })
@@ -593,7 +596,7 @@ mod tests {
             .assert_items("WideNodes", 4, None)
             .assert_items("LeafTriangles", 16, None)
             .assert_items("Indices", 4, None)
-            .assert_specialization(1, "MAPS");
+            .assert_specialization(1, "FORMAT");
         Module::read(&shaders::LAYOUT_COMPRESSED_ARRANGE)
             .assert_push_constants(
                 size_of::<ArrangePush>(),

@@ -3,10 +3,11 @@
 use super::LeafTriangle;
 use crate::{
     bvh2::Triangle,
-    traverse::{Ray, TriangleTest, cpu},
+    traverse::{Ray, TriangleFormat, TriangleTest, cpu},
 };
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
+use std::mem::offset_of;
 
 /// The affine map that takes a triangle to the one with corners (0,0,0), (1,0,0) and (0,1,0): `row · (point, 1)`
 /// for each of its rows (Woop 2004). 48 bytes, three 16-byte loads.
@@ -39,6 +40,64 @@ pub struct UnitTriangle {
 }
 
 const _: () = assert!(size_of::<UnitTriangle>() == 48 && size_of::<LeafTriangle>() == 48);
+
+/// A triangle by a corner, the edges from there, and what of the normal `e1 × e2` there is room for (Kensler and Shirley
+/// 2006). 48 bytes, three 16-byte loads.
+///
+/// The triangle (2,0,5), (2,3,5), (6,0,5), the 7th of its scene:
+///
+/// ```text
+///   2    0    5    7      the first corner, and the number in file order
+///   0    3    0    0      e1, to the second corner; x of the normal
+///   4    0    0    0      e2, to the third; y of the normal, whose z is -12
+/// ```
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct EdgeTriangle {
+    /// First corner.
+    pub corner: [f32; 3],
+    /// Its number in file order.
+    pub primitive: u32,
+    /// To the second corner.
+    pub e1: [f32; 3],
+    /// Of the normal.
+    pub normal_x: f32,
+    /// To the third corner.
+    pub e2: [f32; 3],
+    /// Of the normal.
+    pub normal_y: f32,
+}
+
+const _: () = {
+    assert!(size_of::<EdgeTriangle>() == 48 && offset_of!(EdgeTriangle, primitive) == 12);
+    assert!(offset_of!(EdgeTriangle, e1) == 16 && offset_of!(EdgeTriangle, e2) == 32);
+};
+
+impl EdgeTriangle {
+    /// Triangle `primitive` of the scene.
+    pub fn new(&[a, b, c]: &Triangle, primitive: u32) -> Self {
+        let edge = |to: [f32; 3]| -> [f32; 3] { std::array::from_fn(|k| to[k] - a[k]) };
+        let (e1, e2) = (edge(b), edge(c));
+        let (normal_x, normal_y) = (e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2]);
+        Self { corner: a, primitive, e1, normal_x, e2, normal_y }
+    }
+
+    /// What is wrong with this for a triangle; nothing where it is right: as the CPU has it, but for numbers so small that
+    /// devices may take them for zero.
+    pub fn fault(&self, triangle: &Triangle) -> Option<String> {
+        let right = Self::new(triangle, self.primitive);
+        let longest = right.e1.iter().chain(&right.e2).fold(1.0, |m: f32, x| m.max(x.abs()));
+        let tolerance = 4.0 * f32::MIN_POSITIVE * longest;
+        let numbers = |t: &Self| {
+            let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = [t.corner, t.e1, t.e2];
+            [ax, ay, az, bx, by, bz, t.normal_x, cx, cy, cz, t.normal_y]
+        };
+        let same =
+            |(a, b): (f32, f32)| a == b || (a - b).abs() <= tolerance || !a.is_finite() && !b.is_finite();
+        let wrong = numbers(self).into_iter().zip(numbers(&right)).find(|pair| !same(*pair));
+        wrong.map(|(found, want)| format!("there is {found} and not {want} in {self:?}"))
+    }
+}
 
 /// Below this, the square of the sine of the angle between two edges is none.
 const SINGULAR: f64 = 1.0 / (1u64 << 44) as f64;
@@ -140,11 +199,13 @@ impl UnitTriangle {
 pub enum LeafTriangles {
     /// With their indices inside.
     Corners {
-        /// One of those that take no maps.
+        /// One of those that take corners.
         test: TriangleTest,
         /// As many as the scene has.
         triangles: Vec<LeafTriangle>,
     },
+    /// For [`TriangleTest::KenslerShirley`], with their indices inside.
+    Edges(Vec<EdgeTriangle>),
     /// For [`TriangleTest::Woop`].
     Maps {
         /// As many as the scene has triangles.
@@ -157,12 +218,15 @@ pub enum LeafTriangles {
 impl LeafTriangles {
     /// Stores triangles for a test.
     pub fn new(test: TriangleTest, triangles: Vec<LeafTriangle>) -> Self {
-        if !test.takes_maps() {
-            return Self::Corners { test, triangles };
-        }
-        Self::Maps {
-            maps: triangles.iter().map(|t| UnitTriangle::new(&t.corners())).collect(),
-            indices: triangles.iter().map(|t| t.primitive).collect(),
+        match test.format() {
+            TriangleFormat::Corners => Self::Corners { test, triangles },
+            TriangleFormat::Edges => {
+                Self::Edges(triangles.iter().map(|t| EdgeTriangle::new(&t.corners(), t.primitive)).collect())
+            }
+            TriangleFormat::Maps => Self::Maps {
+                maps: triangles.iter().map(|t| UnitTriangle::new(&t.corners())).collect(),
+                indices: triangles.iter().map(|t| t.primitive).collect(),
+            },
         }
     }
 
@@ -175,6 +239,7 @@ impl LeafTriangles {
     pub fn len(&self) -> usize {
         match self {
             Self::Corners { triangles, .. } => triangles.len(),
+            Self::Edges(triangles) => triangles.len(),
             Self::Maps { indices, .. } => indices.len(),
         }
     }
@@ -188,6 +253,7 @@ impl LeafTriangles {
     pub fn index(&self, place: usize) -> u32 {
         match self {
             Self::Corners { triangles, .. } => triangles[place].primitive,
+            Self::Edges(triangles) => triangles[place].primitive,
             Self::Maps { indices, .. } => indices[place],
         }
     }
@@ -198,15 +264,19 @@ impl LeafTriangles {
             Self::Corners { test, triangles } => {
                 cpu::intersect(*test, ray, t_max, &triangles[place].corners())
             }
+            Self::Edges(triangles) => cpu::kensler_shirley(ray, t_max, &triangles[place]),
             Self::Maps { maps, .. } => cpu::woop(ray, t_max, &maps[place]),
         }
     }
 
-    /// Whether these are `twin`, as the CPU writes them: to the bit, but for maps, whose divisions devices round
-    /// differently. Those [`UnitTriangle::fault`] holds against the corners.
+    /// Whether these are `twin`, as the CPU writes them: corners to the bit, of others the indices. What else there is
+    /// [`EdgeTriangle::fault`] and [`UnitTriangle::fault`] hold against the corners.
     pub fn agree(&self, twin: &[LeafTriangle]) -> bool {
         match self {
             Self::Corners { triangles, .. } => triangles == twin,
+            Self::Edges(triangles) => {
+                triangles.iter().map(|t| t.primitive).eq(twin.iter().map(|t| t.primitive))
+            }
             Self::Maps { indices, .. } => indices.iter().copied().eq(twin.iter().map(|t| t.primitive)),
         }
     }
@@ -223,6 +293,20 @@ mod tests {
         let want =
             UnitTriangle { z: [0.0, 0.0, -0.75, 3.75], u: [0.0, third, 0.0, 0.0], v: [0.25, 0.0, 0.0, -0.5] };
         assert_eq!(map, want);
+    }
+
+    #[test]
+    fn edges_are_those_that_are_documented_and_wrong_ones_are_found() {
+        let triangle = [[2.0, 0.0, 5.0], [2.0, 3.0, 5.0], [6.0, 0.0, 5.0]];
+        let edges = EdgeTriangle::new(&triangle, 7);
+        let rows = [[2.0, 0.0, 5.0, f32::from_bits(7)], [0.0, 3.0, 0.0, 0.0], [4.0, 0.0, 0.0, 0.0]];
+        assert_eq!(bytemuck::cast::<_, [[f32; 4]; 3]>(edges), rows);
+        assert_eq!(edges.fault(&triangle), None);
+        for place in (0..12).filter(|place| *place != 3) {
+            let mut numbers: [f32; 12] = bytemuck::cast(edges);
+            numbers[place] += 1e-6;
+            assert!(bytemuck::cast::<_, EdgeTriangle>(numbers).fault(&triangle).is_some(), "{place}");
+        }
     }
 
     #[test]

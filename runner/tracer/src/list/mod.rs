@@ -69,7 +69,7 @@ impl Builder {
         }
         let size = WORKGROUP.min(gpu.info().max_workgroup_size);
         Ok(Self {
-            store: Kernel::new(gpu, &shaders::LIST_STORE, size, &[test.takes_maps().into()])?,
+            store: Kernel::new(gpu, &shaders::LIST_STORE, size, &[test.format() as u32])?,
             triangles: TriangleBuffers::new(gpu, test, count)?,
             gpu: gpu.clone(),
             listing,
@@ -235,7 +235,7 @@ mod tests {
                 &fields!(StorePush: triangles, stored, indices, count),
             )
             .assert_items("LeafTriangles", 16, None)
-            .assert_specialization(1, "MAPS");
+            .assert_specialization(1, "FORMAT");
         Module::read(&shaders::LIST_CLOSEST_HIT)
             .assert_push_constants(
                 size_of::<Arguments>(),

@@ -4,18 +4,19 @@
 use super::{Counts, Hit, Ray, TriangleTest};
 use crate::{
     bvh2::Aabb,
-    layout::{self, LeafTriangles, NodeLayout, Target, UnitTriangle},
+    layout::{self, EdgeTriangle, LeafTriangles, NodeLayout, Target, UnitTriangle},
 };
 
 /// A test of a ray against a triangle: the distance, or `None`. `t_max` may be the best distance so far.
 ///
 /// The twins round as their formulas stand. Kernels may fuse multiplications and additions where the watertight test
-/// does not forbid it, so their distances differ in the last places, and of the other two tests the decision about a
+/// does not forbid it, so their distances differ in the last places, and of the other tests the decision about a
 /// ray that passes an edge (see [`passes_edge`]).
 pub fn intersect(test: TriangleTest, ray: &Ray, t_max: f32, triangle: &[[f32; 3]; 3]) -> Option<f32> {
     match test {
         TriangleTest::Watertight => watertight(ray, t_max, triangle),
         TriangleTest::MoellerTrumbore => moeller_trumbore(ray, t_max, triangle),
+        TriangleTest::KenslerShirley => kensler_shirley(ray, t_max, &EdgeTriangle::new(triangle, 0)),
         TriangleTest::Woop => woop(ray, t_max, &UnitTriangle::new(triangle)),
     }
 }
@@ -42,6 +43,19 @@ fn moeller_trumbore(ray: &Ray, t_max: f32, [v0, v1, v2]: &[[f32; 3]; 3]) -> Opti
     let v = dot(ray.direction, q) * inverse;
     let t = dot(e2, q) * inverse;
     (v >= 0.0 && u + v <= 1.0 && t > ray.t_min && t < t_max).then_some(t)
+}
+
+/// `kensler_shirley.glsl`, by the edges of a triangle.
+pub fn kensler_shirley(ray: &Ray, t_max: f32, triangle: &EdgeTriangle) -> Option<f32> {
+    let EdgeTriangle { corner, e1, e2, normal_x, normal_y, .. } = *triangle;
+    let normal = [normal_x, normal_y, e1[0] * e2[1] - e1[1] * e2[0]];
+    let inverse = 1.0 / dot(normal, ray.direction);
+    let offset: [f32; 3] = std::array::from_fn(|k| corner[k] - ray.origin[k]);
+    let moment = cross(ray.direction, offset);
+    let u = -dot(e2, moment) * inverse;
+    let v = dot(e1, moment) * inverse;
+    let t = dot(normal, offset) * inverse;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > ray.t_min && t < t_max).then_some(t)
 }
 
 /// `woop.glsl`: Woop's test, by the map of a triangle.

@@ -6,7 +6,7 @@ pub mod groups;
 mod interface_tests;
 mod triangle;
 
-pub use triangle::{TriangleParams, TriangleTest};
+pub use triangle::{TriangleFormat, TriangleParams, TriangleTest};
 
 use crate::{
     Error, driver,

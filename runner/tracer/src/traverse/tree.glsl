@@ -8,6 +8,7 @@
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 
+#include "kensler_shirley.glsl"
 #include "load.glsl"
 #include "moeller_trumbore.glsl"
 #include "ray.glsl"
@@ -36,7 +37,7 @@ layout(constant_id = 8) const uint BARRIER = 0;
 layout(constant_id = 9) const uint HOIST = 0;
 // How rays are tested against triangles, which are stored for that test: `TriangleTest` in traverse/triangle.rs.
 layout(constant_id = 10) const uint TRIANGLE_TEST = 0;
-const uint WATERTIGHT = 0, MOELLER_TRUMBORE = 1, WOOP = 2;
+const uint WATERTIGHT = 0, MOELLER_TRUMBORE = 1, KENSLER_SHIRLEY = 2, WOOP = 3;
 // Subgroups of a workgroup, where the lanes of each walk the tree together; else 0.
 layout(constant_id = 18) const uint PACKETS = 0;
 // Rays a lane, there.

@@ -17,24 +17,43 @@ pub enum TriangleTest {
     /// Möller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 1997. Products of three lengths
     /// have to stay floats: scenes should measure between 1e-9 and 1e9 units.
     MoellerTrumbore,
+    /// Kensler and Shirley, "Optimizing Ray-Triangle Intersection via Automated Search", RT 2006: Cramer's rule as Möller
+    /// and Trumbore have it, by one cross product with the ray and the triangle's normal. Edges and most of the normal are
+    /// stored ([`crate::layout::EdgeTriangle`]). For scenes of the same sizes.
+    KenslerShirley,
     /// Woop's unit triangle: Woop, "A Ray Tracing Hardware Architecture for Dynamic Scenes", 2004. Triangles are
     /// stored as affine maps ([`crate::layout::UnitTriangle`]), which leave no room for the triangle's index: it
     /// lies apart, and is looked up when a ray is finished.
     Woop,
 }
 
+/// What triangles are stored as: `FORMAT` in `layout/leaf_triangle.glsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TriangleFormat {
+    /// [`crate::layout::LeafTriangle`].
+    Corners,
+    /// [`crate::layout::EdgeTriangle`].
+    Edges,
+    /// [`crate::layout::UnitTriangle`], and indices apart.
+    Maps,
+}
+
 impl TriangleTest {
     /// All.
-    pub const ALL: [Self; 3] = [Self::Watertight, Self::MoellerTrumbore, Self::Woop];
+    pub const ALL: [Self; 4] = [Self::Watertight, Self::MoellerTrumbore, Self::KenslerShirley, Self::Woop];
 
-    /// Whether triangles are stored as maps, with their indices apart.
-    pub fn takes_maps(self) -> bool {
-        self == Self::Woop
+    /// What the test reads.
+    pub fn format(self) -> TriangleFormat {
+        match self {
+            Self::Watertight | Self::MoellerTrumbore => TriangleFormat::Corners,
+            Self::KenslerShirley => TriangleFormat::Edges,
+            Self::Woop => TriangleFormat::Maps,
+        }
     }
 
     /// Bytes that a triangle takes, its index included.
     pub fn triangle_bytes(self) -> usize {
-        if self.takes_maps() { 52 } else { 48 }
+        if self.format() == TriangleFormat::Maps { 52 } else { 48 }
     }
 }
 

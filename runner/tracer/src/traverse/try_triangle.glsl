@@ -12,6 +12,8 @@ if (TRIANGLE_TEST == WOOP) {
     vec4 v2 = tree.triangles.items[index].v2;
     if (TRIANGLE_TEST == MOELLER_TRUMBORE) {
         t = moeller_trumbore(origin, shear.shear, v0.xyz, v1.xyz, v2.xyz);
+    } else if (TRIANGLE_TEST == KENSLER_SHIRLEY) {
+        t = kensler_shirley(origin, shear.shear, v0.xyz, v1, v2);
     } else {
         t = intersect(origin, shear, t_min, best.t, v0.xyz, v1.xyz, v2.xyz, HOIST != 0, uncertain);
     }

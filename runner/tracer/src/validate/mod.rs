@@ -257,18 +257,14 @@ pub fn layout<L: NodeLayout>(
         require!(p < triangles.len(), "place {i} holds triangle {p} of {}", triangles.len());
         require!(parts.is_some() || !seen[p], "triangle {p} has two places");
         seen[p] = true;
-        match leaf_triangles {
+        let fault = match leaf_triangles {
             LeafTriangles::Corners { triangles: stored, .. } => {
-                require!(
-                    stored[i].corners() == triangles[p],
-                    "place {i} holds other corners than triangle {p}"
-                );
+                (stored[i].corners() != triangles[p]).then(|| "it has other corners".into())
             }
-            LeafTriangles::Maps { maps, .. } => {
-                let fault = maps[i].fault(&triangles[p]);
-                require!(fault.is_none(), "place {i} is not for triangle {p}: {}", fault.unwrap_or_default());
-            }
-        }
+            LeafTriangles::Edges(edges) => edges[i].fault(&triangles[p]),
+            LeafTriangles::Maps { maps, .. } => maps[i].fault(&triangles[p]),
+        };
+        require!(fault.is_none(), "place {i} is not for triangle {p}: {}", fault.unwrap_or_default());
     }
     let missing = seen.iter().position(|seen| !seen);
     require!(missing.is_none(), "triangle {missing:?} has no place");
@@ -459,11 +455,11 @@ mod tests {
         let damage = |f: fn(&mut Vec<BinaryNode>, &mut Vec<LeafTriangle>)| {
             let (mut nodes, mut leaves) = (nodes.clone(), leaves.clone());
             f(&mut nodes, &mut leaves);
-            let [corners, _, maps] = TriangleTest::ALL.map(|test| {
+            let [corners, _, edges, maps] = TriangleTest::ALL.map(|test| {
                 let leaves = LeafTriangles::new(test, leaves.clone());
                 layout::<Binary>(&nodes, &leaves, &triangles, None).unwrap_err().0
             });
-            assert_eq!(corners, maps);
+            assert_eq!((&corners, &corners), (&edges, &maps));
             corners
         };
         assert!(damage(|n, _| n[1].hi0[0] += 100.0).contains("larger box"));
@@ -472,9 +468,14 @@ mod tests {
         assert!(damage(|n, _| n.push(binary::EMPTY_NODE)).contains("not reached"));
         assert!(damage(|_, l| l.swap(0, 19)).contains("sticks out"));
         assert!(damage(|_, l| l[3] = l[4]).contains("two places"));
-        let [.., LeafTriangles::Maps { mut maps, indices }] = stored else { panic!("{stored:?}") };
+        let [.., LeafTriangles::Edges(mut edges), LeafTriangles::Maps { mut maps, indices }] = stored else {
+            panic!("{stored:?}")
+        };
         maps.swap(0, 19);
         let swapped = layout::<Binary>(&nodes, &LeafTriangles::Maps { maps, indices }, &triangles, None);
         assert!(swapped.unwrap_err().0.contains("place 0 is not for triangle"));
+        edges[0].e2[1] += 1.0;
+        let bent = layout::<Binary>(&nodes, &LeafTriangles::Edges(edges), &triangles, None);
+        assert!(bent.unwrap_err().0.contains("place 0 is not for triangle"));
     }
 }
