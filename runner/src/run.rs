@@ -32,6 +32,12 @@ pub fn run(global: &Global, run: &args::Run) -> anyhow::Result<()> {
             path.display(),
             run.scenes.len()
         );
+        if let Some(own) = variants.iter().find(|variant| variant.layout().is_none()) {
+            anyhow::bail!(
+                "--bvh {}: {own} is not made from a binary tree; name others with --variant, such as 'Wide*'",
+                path.display()
+            );
+        }
         let of_tree = run.paths.tuning.set.iter().find(|assignment| Params::is_of_binary_tree(assignment));
         if let Some(assignment) = of_tree {
             anyhow::bail!(

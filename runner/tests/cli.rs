@@ -895,6 +895,14 @@ fn a_precomputed_tree_takes_the_place_of_building_one() {
     );
     fails(here.path(), &format!("run {scene} cornell --bvh new/s.bvh"), 1, &["one by one"]);
     fails(here.path(), &format!("run {scene} --bvh new/s.bvh --set ploc.radius=4"), 1, &["built already"]);
+    for variant in ["Naive", "all"] {
+        fails(
+            here.path(),
+            &format!("run {scene} --bvh new/s.bvh --variant {variant}"),
+            1,
+            &["not made from"],
+        );
+    }
 }
 
 #[test]

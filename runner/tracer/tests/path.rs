@@ -628,17 +628,27 @@ fn trees_contracted_by_view_lead_to_the_same_hits() {
 /// One workgroup on a CPU driver, which waits for nobody; as many as run at once where they may wait.
 #[test]
 fn a_single_kernel_paints_the_same_picture() {
-    let room = scenes::load("cornell:triangles=300", &SearchPath::only([])).unwrap();
+    let mut room = scenes::load("cornell:triangles=300", &SearchPath::only([])).unwrap();
+    // So that `phong` sends some rays on.
+    let mirrors = room.materials.len().div_ceil(2);
+    for material in &mut room.materials[..mirrors] {
+        material.phong = Some(Phong { reflective: 0.5, ..phong::MATTE });
+    }
     let size = (24, 16);
-    let path = Params { depth: 4, seed: 1, ..Params::default() };
     let device = DeviceScene::upload(gpu(), &room).unwrap();
     let camera = Camera::new(&room.views[0], size.0, size.1);
-    let tracer = PathTracer::new(gpu(), &device, size, &path, false).unwrap();
-    let usual = Layout::ALL.iter().map(|&layout| (TriangleTest::Watertight, layout));
-    for (test, layout) in usual.chain([
-        (TriangleTest::MoellerTrumbore, Layout::Wide4),
-        (TriangleTest::KenslerShirley, Layout::Wide8),
-        (TriangleTest::Woop, Layout::Binary),
+    let [tracer, of_phong] = [Integrator::Path, Integrator::Phong].map(|integrator| {
+        let shade = Shading { integrator, ..Shading::default() };
+        let path = Params { depth: 4, seed: 1, shade, ..Params::default() };
+        PathTracer::new(gpu(), &device, size, &path, false).unwrap()
+    });
+    let usual = Layout::ALL.iter().map(|&layout| (&tracer, TriangleTest::Watertight, layout));
+    for (tracer, test, layout) in usual.chain([
+        (&tracer, TriangleTest::MoellerTrumbore, Layout::Wide4),
+        (&tracer, TriangleTest::KenslerShirley, Layout::Wide8),
+        (&tracer, TriangleTest::Woop, Layout::Binary),
+        (&of_phong, TriangleTest::Watertight, Layout::Binary),
+        (&of_phong, TriangleTest::Watertight, Layout::Compressed8),
     ]) {
         let planted = plant(&builder_for(test, layout), &room.positions);
         let params = traverse::Params::default();
@@ -663,7 +673,7 @@ fn a_single_kernel_paints_the_same_picture() {
             assert!(waves > 0.0 && waves <= sample.milliseconds, "{waves} of {} ms", sample.milliseconds);
             sample
         });
-        assert_eq!(rays[0][0], 24 * 16);
+        assert!(rays[0][0] == 24 * 16 && rays[0][1] > 0, "{rays:?}");
         for (a, b) in rays.iter().flatten().zip(rays_in_one.iter().flatten()) {
             assert!(a.abs_diff(*b) <= 2, "{test:?}, {layout:?}: {rays:?}, {rays_in_one:?}");
         }
