@@ -639,7 +639,7 @@ fn a_single_kernel_paints_the_same_picture() {
     let camera = Camera::new(&room.views[0], size.0, size.1);
     let [tracer, of_phong] = [Integrator::Path, Integrator::Phong].map(|integrator| {
         let shade = Shading { integrator, ..Shading::default() };
-        let path = Params { depth: 4, seed: 1, shade, ..Params::default() };
+        let path = Params { depth: 4, seed: 1, shade };
         PathTracer::new(gpu(), &device, size, &path, false).unwrap()
     });
     let usual = Layout::ALL.iter().map(|&layout| (&tracer, TriangleTest::Watertight, layout));
