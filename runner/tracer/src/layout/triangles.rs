@@ -86,7 +86,8 @@ impl EdgeTriangle {
     /// devices may take them for zero.
     pub fn fault(&self, triangle: &Triangle) -> Option<String> {
         let right = Self::new(triangle, self.primitive);
-        let longest = right.e1.iter().chain(&right.e2).fold(1.0, |m: f32, x| m.max(x.abs()));
+        // An edge too long for a float leaves the others to be compared.
+        let longest = right.e1.iter().chain(&right.e2).fold(1.0, |m: f32, x| m.max(x.abs())).min(f32::MAX);
         let tolerance = 4.0 * f32::MIN_POSITIVE * longest;
         let numbers = |t: &Self| {
             let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = [t.corner, t.e1, t.e2];
@@ -307,6 +308,12 @@ mod tests {
             numbers[place] += 1e-6;
             assert!(bytemuck::cast::<_, EdgeTriangle>(numbers).fault(&triangle).is_some(), "{place}");
         }
+        // Of edges beyond floats, too.
+        let endless = [[-3e38; 3], [3e38, 0.0, 0.0], [0.0; 3]];
+        let mut edges = EdgeTriangle::new(&endless, 7);
+        assert_eq!(edges.fault(&endless), None);
+        edges.corner[0] = 3e38;
+        assert!(edges.fault(&endless).is_some());
     }
 
     #[test]
