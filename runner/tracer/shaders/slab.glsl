@@ -63,12 +63,15 @@ SignedSlab signed_slab_of(Slab slab) {
 // Octants have a bit an axis, set where directions fall. MIXED stands for any.
 const uint MIXED = 8;
 
-// Whether the ray meets the box between t_min, which is at least 0, and t_max, and the distance at which it enters. Where the
-// octant that it points into is known when the kernel is compiled, one multiply-add a plane is left, which computes the same.
+// Whether the ray meets the box between t_min, which is at least 0, and t_max, and the bits of the distance at which it enters.
+// Where the octant that it points into is known when the kernel is compiled, one multiply-add a plane is left, which computes
+// the same, and a box before t_min counts as met.
 //
-// The largest of three is found among integers, of which some devices do so at once. Bits of floats are in their order
-// unless all are below zero: then this is less than the largest, or more than the least, which does no harm.
-bool meets(SignedSlab slab, uint octant, vec3 lo, vec3 hi, float t_min, float t_max, out float enters) {
+// Distances are compared as integers, because some devices find the largest of three of these at once. Bits of floats are in
+// the order of the floats unless both are below zero: then they are in the opposite order. So where the ray starts in the box,
+// it enters somewhere below zero, no matter where; and where the box is behind it, it enters and leaves below zero, and what it
+// enters last is at least as far behind as what it leaves first, which is no less as an integer.
+bool meets(SignedSlab slab, uint octant, vec3 lo, vec3 hi, float t_min, float t_max, out int enters) {
     vec3 near, far;
     if (octant == MIXED) {
         near = fma(lo, slab.rising, fma(hi, slab.falling, slab.near));
@@ -82,8 +85,9 @@ bool meets(SignedSlab slab, uint octant, vec3 lo, vec3 hi, float t_min, float t_
         }
     }
     ivec3 n = floatBitsToInt(near), f = floatBitsToInt(far);
-    enters = max(intBitsToFloat(max(max(n.x, n.y), n.z)), t_min);
-    return enters <= min(intBitsToFloat(min(min(f.x, f.y), f.z)), t_max);
+    enters = max(max(n.x, n.y), n.z);
+    enters = octant == MIXED ? max(enters, floatBitsToInt(t_min)) : enters;
+    return enters <= min(min(min(f.x, f.y), f.z), floatBitsToInt(t_max));
 }
 
 #endif

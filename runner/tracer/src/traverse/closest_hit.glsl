@@ -169,35 +169,11 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
                 if (BARRIER == 0 && busy == 0) {
                     break;
                 }
-                // Inner nodes, by the code for the octant.
-#include "traverse/search.glsl"
+                // Inner nodes.
 #if defined(LAYOUT_BINARY)
-#undef OCTANT
-#define OCTANT 0
+#include "traverse/octants.glsl"
+#else
 #include "traverse/search.glsl"
-#undef OCTANT
-#define OCTANT 1
-#include "traverse/search.glsl"
-#undef OCTANT
-#define OCTANT 2
-#include "traverse/search.glsl"
-#undef OCTANT
-#define OCTANT 3
-#include "traverse/search.glsl"
-#undef OCTANT
-#define OCTANT 4
-#include "traverse/search.glsl"
-#undef OCTANT
-#define OCTANT 5
-#include "traverse/search.glsl"
-#undef OCTANT
-#define OCTANT 6
-#include "traverse/search.glsl"
-#undef OCTANT
-#define OCTANT 7
-#include "traverse/search.glsl"
-#undef OCTANT
-#define OCTANT MIXED
 #endif
                 if (BARRIER != 0) {
                     bool late = QUOTA != 0 && steps > QUOTA;

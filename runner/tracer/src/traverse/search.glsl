@@ -1,22 +1,20 @@
 // Statements of closest_hit.glsl: where all rays point into OCTANT, lanes visit nodes until all, or all but few, have a leaf or
 // have nothing left.
-if ((OCTANTS == 0 ? MIXED : octant) == OCTANT) {
-    for (;;) {
-        steps += 2;
-        [[unroll]] for (uint visit = 0; visit < VISITS_A_VOTE; visit++) {
-            steps += NODE_STEPS;
-            if (COUNT == RAYS) {
-                node_steps += step_of(lanes(is_inner(node)));
-            }
-            if (is_inner(node)) {
+for (;;) {
+    steps += 2;
+    [[unroll]] for (uint visit = 0; visit < VISITS_A_VOTE; visit++) {
+        steps += NODE_STEPS;
+        if (COUNT == RAYS) {
+            node_steps += step_of(lanes(is_inner(node)));
+        }
+        if (is_inner(node)) {
 #include "traverse/visit_node.glsl"
-            }
-        }
-        if (lanes(is_inner(node) && leaf == NONE) <= SEARCH_ABOVE || (QUOTA != 0 && steps > QUOTA)) {
-            break;
         }
     }
-    if (SPECULATE == 0) {
+    if (lanes(is_inner(node) && leaf == NONE) <= SEARCH_ABOVE || (QUOTA != 0 && steps > QUOTA)) {
+        break;
+    }
+}
+if (SPECULATE == 0) {
 #include "traverse/postpone.glsl"
-    }
 }

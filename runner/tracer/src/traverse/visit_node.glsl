@@ -10,11 +10,11 @@ if (COUNT == RAYS) {
 if (COUNT == VISITS) {
     atomicAdd(tree.visits.items[node], 1);
 }
-float t[2];
+int t[2];
 bool left = meets(slab, OCTANT, loaded.lo[0], loaded.hi[0], t_min, best.t, t[0]);
 bool right = meets(slab, OCTANT, loaded.lo[1], loaded.hi[1], t_min, best.t, t[1]);
-// (With && on the left of a comparison, some compilers branch.)
-bool right_first = right && t[1] < (left ? t[0] : INFINITY);
+// (With && and ||, some compilers branch.)
+bool right_first = all(bvec2(right, any(bvec2(!left, t[1] < t[0]))));
 if (left && right) {
     stack[++top] = right_first ? loaded.child.x : loaded.child.y;
 }
