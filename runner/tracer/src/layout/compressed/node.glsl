@@ -98,13 +98,11 @@ uint meet(Compressed c, RaySlab slab, uint octinv, float t_min, float t_max, out
                             by_logic ? near_bias_of_offset : near_bias);
             vec3 far = fma(by_logic ? lines_by_logic(far_lines, k) : vec3(far_lines >> (8 * k) & 255), step_,
                            by_logic ? far_bias_of_offset : far_bias);
-            // As integers, of which some devices find the largest of three at once. Bits of floats are in their order
-            // unless all are below zero: then this is less than the largest, or more than the least, which does no harm.
+            // As integers, as `meets` has it in slab.glsl. What is before t_min counts as met.
             ivec3 n = floatBitsToInt(near), f = floatBitsToInt(far);
-            float enters = max(intBitsToFloat(max(max(n.x, n.y), n.z)), t_min);
-            float leaves_at = min(intBitsToFloat(min(min(f.x, f.y), f.z)), t_max);
-            t[4 * four + k] = enters;
-            if (enters <= leaves_at) {
+            int enters = max(max(n.x, n.y), n.z);
+            t[4 * four + k] = max(intBitsToFloat(enters), t_min);
+            if (enters <= min(min(min(f.x, f.y), f.z), floatBitsToInt(t_max))) {
                 met |= (child_bits4 >> (8 * k) & 255) << (bit_index4 >> (8 * k) & 255);
             }
         }

@@ -98,7 +98,7 @@ fn meet(node: &CompressedNode, slab: &Slab, octinv: u32, t_min: f32, t_max: f32)
     let (near_of_offset, far_of_offset) = (of_offset(near, -1.0), of_offset(far, 1.0));
     let (mut met, mut t) = (0, [0.0; 8]);
     for (slot, t) in t.iter_mut().enumerate() {
-        let (mut enters, mut leaves) = (t_min, t_max);
+        let (mut enters, mut leaves) = (0f32, t_max);
         let (offset, near, far) = match slot % 4 {
             1 | 2 => (LINE_OFFSET, &near_of_offset, &far_of_offset),
             _ => (0.0, &near, &far),
@@ -111,7 +111,7 @@ fn meet(node: &CompressedNode, slab: &Slab, octinv: u32, t_min: f32, t_max: f32)
             enters = enters.max((offset + f32::from(first)).mul_add(step[k], near[k]));
             leaves = leaves.min((offset + f32::from(second)).mul_add(step[k], far[k]));
         }
-        *t = enters;
+        *t = enters.max(t_min);
         if enters <= leaves {
             let meta = u32::from(node.meta[slot]);
             let inner = meta & meta << 1 & 0x10 != 0;
