@@ -84,7 +84,7 @@ shared uint shared_nodes[COUNTED_RAYS];
 shared uint shared_boxes[COUNTED_RAYS];
 shared uint shared_triangles[COUNTED_RAYS];
 
-#if defined(LAYOUT_BINARY)
+#if defined(BY_OCTANT)
 // The octant that the rays of all lanes which have one point into, or MIXED.
 uint octant_of_all(bool has_ray, SignedSlab slab) {
     uint octant = 0;
@@ -129,7 +129,9 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     uint finished = 0;
     uint steps = 0;             // loop iterations, for drivers that count them
     bool more = true;           // rays may be left in the queue
+#if defined(BY_OCTANT)
     uint octant = MIXED;        // that all rays of the subgroup point into
+#endif
     const uint count = queue.count;
 
 #if defined(LAYOUT_WIDE)
@@ -156,69 +158,25 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
                 }
                 barrier();
             }
-            for (;;) {
+            bool leaves = false;
+            while (!leaves) {
                 steps++;
                 uint busy = lanes(ray != MISS);
                 if (more && busy < FETCH_BELOW) {
 #include "traverse/fetch.glsl"
                     busy = lanes(ray != MISS);
-#if defined(LAYOUT_BINARY)
-                    octant = OCTANTS == 0 ? MIXED : octant_of_all(ray != MISS, slab);
+#if defined(BY_OCTANT)
+                    octant = octant_of_all(ray != MISS, slab);
 #endif
                 }
                 if (BARRIER == 0 && busy == 0) {
                     break;
                 }
-                // Inner nodes.
-#if defined(LAYOUT_BINARY)
+#if defined(BY_OCTANT)
 #include "traverse/octants.glsl"
 #else
-#include "traverse/search.glsl"
+#include "traverse/phases.glsl"
 #endif
-                if (BARRIER != 0) {
-                    bool late = QUOTA != 0 && steps > QUOTA;
-                    if (subgroupElect() && (late || busy == 0 && told < 2)) {
-                        atomicAdd(leaving[turn & 1], late ? ALL : 1);
-                    }
-                    told += busy == 0 ? 1 : 0;
-                    barrier();
-                    if (leaving[turn & 1] >= gl_NumSubgroups) {
-                        break;
-                    }
-                    turn++;
-                }
-                // Triangles, of the postponed leaf and of a second one where the lane waits with it.
-                for (;;) {
-                    uint testing = lanes(leaf != NONE);
-                    if (testing == 0 || (testing <= POSTPONE && subgroupAny(is_inner(node) && leaf == NONE))) {
-                        break;
-                    }
-                    steps++;
-                    if (COUNT == RAYS) {
-                        triangle_steps += step_of(testing);
-                    }
-                    bool uncertain = false;
-                    if (leaf != NONE) {
-#include "traverse/test_triangle.glsl"
-                    }
-                    if (QUOTA != 0) {
-                        steps += subgroupAny(uncertain) ? 3 : 0;  // the loop in exact_distance
-                        if (steps > QUOTA) {
-                            break;
-                        }
-                    }
-                }
-#include "traverse/finish.glsl"
-                if (BARRIER == 0 && QUOTA != 0 && steps > QUOTA) {
-                    break;
-                }
-                if (END_STEPS != 0) {
-                    // Devices that end loops may run one subgroup after the other, and none has then anything left to share.
-                    subgroupMemoryBarrierShared();
-                    if (subgroupAny(ended >= END_WHEN || (QUOTA != 0 && ++turn == END_STEPS))) {
-                        break;
-                    }
-                }
             }
             if (END_STEPS != 0) {
                 if (subgroupElect()) {

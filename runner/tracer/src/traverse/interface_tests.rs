@@ -8,8 +8,9 @@ use crate::{
 
 #[test]
 fn the_shaders_see_memory_as_the_host_does() {
-    for &layout in Layout::ALL {
-        Module::read(shaders::traverse_closest_hit(layout))
+    let kernels = Layout::ALL.iter().map(|&layout| shaders::traverse_closest_hit(layout));
+    for kernel in kernels.chain([&shaders::TRAVERSE_BY_OCTANT]) {
+        Module::read(kernel)
             .assert_push_constants(
                 size_of::<Arguments>(),
                 &fields!(Arguments: rays, hits, nodes, triangles, indices, queue, counts, visits,

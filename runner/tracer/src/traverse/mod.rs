@@ -137,7 +137,7 @@ pub struct Params {
     /// Aila and Laine 2009), in phases. Otherwise it waits, which is less work, and pays where rays stay together.
     pub speculate: bool,
     /// Whether primary rays of a subgroup that all point into one octant are traced by code for that octant, which knows the
-    /// planes where they enter and leave boxes: in phases, through `Binary`. In GLSL.
+    /// planes where they enter and leave boxes: in phases without barriers, through `Binary`. In GLSL.
     pub octants: bool,
     /// When the queue is empty and this share of a workgroup's subgroups has ended, all of them end together the primary rays
     /// that are left: lanes without a ray take over parts of others' ways, so that a launch does not wait for few long ones.
@@ -205,6 +205,11 @@ pub struct Technique {
 }
 
 impl Params {
+    /// Whether a kind of wavefront is traced by `by_octant.comp`.
+    fn by_octant(&self, layout: Layout, wave: Wave) -> bool {
+        self.octants && layout == Layout::Binary && wave == Wave::Primary && !self.technique.barrier
+    }
+
     /// Invocations a workgroup of the kernel for a kind of wavefront.
     pub fn workgroup_size(&self, gpu: &Gpu, wave: Wave) -> u32 {
         let subgroups = match wave {
@@ -440,12 +445,13 @@ impl Traversal {
         };
         assert!(counting != Counting::Visits || !layout.has_own_boxes(), "{layout:?} counts no visits");
         let launches = if gpu.info().ends_long_loops() { RELAUNCHES } else { 1 };
-        let shader = match params.language {
-            Language::Glsl => shaders::traverse_closest_hit(layout),
-            Language::Slang => shaders::traverse_closest_hit_slang(layout)
-                .ok_or(Error::NotBuilt { reason: shaders::SLANG_MISSING.unwrap_or_default() })?,
-        };
         let kernel = |wave| {
+            let shader = match params.language {
+                Language::Glsl if params.by_octant(layout, wave) => &shaders::TRAVERSE_BY_OCTANT,
+                Language::Glsl => shaders::traverse_closest_hit(layout),
+                Language::Slang => shaders::traverse_closest_hit_slang(layout)
+                    .ok_or(Error::NotBuilt { reason: shaders::SLANG_MISSING.unwrap_or_default() })?,
+            };
             let size = params.workgroup_size(gpu, wave);
             params.check_shared_memory(gpu, layout, size)?;
             let (constants, stack) = constants(gpu, params, tree, layout, counting, wave)?;
@@ -574,11 +580,9 @@ pub(crate) fn constants(
     }
     let packets = if packets { params.primary_subgroups } else { 0 };
     let sharing = if params.groups.share_triangles { subgroups } else { 0 };
-    let (octants, together) = match wave {
-        Wave::Primary => (params.octants, params.end_together > 0.0),
-        Wave::Secondary => (false, false),
-    };
-    if (octants || together) && params.language != Language::Glsl {
+    let primary = wave == Wave::Primary;
+    let together = primary && params.end_together > 0.0;
+    if (together || primary && params.octants) && params.language != Language::Glsl {
         return Err(Error::GlslOnly);
     }
     let in_phases = vote == 0 && packets == 0 && !layout.is_compressed();
@@ -602,7 +606,7 @@ pub(crate) fn constants(
         .chain(params.groups.more_constants(lanes))
         .chain([params.visits_a_vote.max(1), (params.search_above * lanes as f32).round() as u32])
         .chain(if together { [params.end_steps.max(1), subgroups, end_when] } else { [0, 1, 1] })
-        .chain([octants, speculate].map(u32::from))
+        .chain([u32::from(speculate)])
         .collect();
     Ok((constants, stack / times))
 }

@@ -1,27 +1,27 @@
-// Statements of closest_hit.glsl: the search by the code for the octant that all rays point into, which few comparisons find.
-if (OCTANTS == 0 || octant == MIXED) {
-#include "traverse/search.glsl"
+// Statements of closest_hit.glsl: turns by the code for the octant that all rays point into, which few comparisons find.
+if (octant == MIXED) {
+#include "traverse/phases.glsl"
 } else {
     if (octant < 4) {
         if (octant < 2) {
             if (octant == 0) {
 #undef OCTANT
 #define OCTANT 0
-#include "traverse/search.glsl"
+#include "traverse/phases.glsl"
             } else {
 #undef OCTANT
 #define OCTANT 1
-#include "traverse/search.glsl"
+#include "traverse/phases.glsl"
             }
         } else {
             if (octant == 2) {
 #undef OCTANT
 #define OCTANT 2
-#include "traverse/search.glsl"
+#include "traverse/phases.glsl"
             } else {
 #undef OCTANT
 #define OCTANT 3
-#include "traverse/search.glsl"
+#include "traverse/phases.glsl"
             }
         }
     } else {
@@ -29,21 +29,21 @@ if (OCTANTS == 0 || octant == MIXED) {
             if (octant == 4) {
 #undef OCTANT
 #define OCTANT 4
-#include "traverse/search.glsl"
+#include "traverse/phases.glsl"
             } else {
 #undef OCTANT
 #define OCTANT 5
-#include "traverse/search.glsl"
+#include "traverse/phases.glsl"
             }
         } else {
             if (octant == 6) {
 #undef OCTANT
 #define OCTANT 6
-#include "traverse/search.glsl"
+#include "traverse/phases.glsl"
             } else {
 #undef OCTANT
 #define OCTANT 7
-#include "traverse/search.glsl"
+#include "traverse/phases.glsl"
             }
         }
     }

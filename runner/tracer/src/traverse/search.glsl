@@ -1,4 +1,4 @@
-// Statements of closest_hit.glsl: where all rays point into OCTANT, lanes visit nodes until all, or all but few, have a leaf or
+// Statements of phases.glsl: where all rays point into OCTANT, lanes visit nodes until all, or all but few, have a leaf or
 // have nothing left.
 for (;;) {
     steps += 2;

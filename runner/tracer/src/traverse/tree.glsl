@@ -53,10 +53,8 @@ layout(constant_id = 25) const uint END_STEPS = 0;
 layout(constant_id = 26) const uint SUBGROUPS = 1;
 // So many of them have to have nothing left before the others share what they have.
 layout(constant_id = 27) const uint END_WHEN = 1;
-// Whether rays of a subgroup that all point into one octant are tested against boxes as that allows.
-layout(constant_id = 28) const uint OCTANTS = 0;
 // Whether lanes that have found a leaf visit nodes on until all have one, in phases.
-layout(constant_id = 29) const uint SPECULATE = 1;
+layout(constant_id = 28) const uint SPECULATE = 1;
 
 // Per ray: nodes visited, boxes tested, triangles tested, nothing.
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Counts {

@@ -1,0 +1,51 @@
+// Statements of closest_hit.glsl: turns of nodes and triangles, where all rays point into OCTANT, until so many lanes have no
+// ray that they fetch new ones, or the subgroup leaves. With BARRIER, a single turn.
+for (;;) {
+#include "traverse/search.glsl"
+    if (BARRIER != 0) {
+        bool late = QUOTA != 0 && steps > QUOTA;
+        if (subgroupElect() && (late || busy == 0 && told < 2)) {
+            atomicAdd(leaving[turn & 1], late ? ALL : 1);
+        }
+        told += busy == 0 ? 1 : 0;
+        barrier();
+        if (leaving[turn & 1] >= gl_NumSubgroups) {
+            leaves = true;
+            break;
+        }
+        turn++;
+    }
+    // Triangles, of the postponed leaf and of a second one where the lane waits with it.
+    for (;;) {
+        uint testing = lanes(leaf != NONE);
+        if (testing == 0 || (testing <= POSTPONE && subgroupAny(is_inner(node) && leaf == NONE))) {
+            break;
+        }
+        steps++;
+        if (COUNT == RAYS) {
+            triangle_steps += step_of(testing);
+        }
+        bool uncertain = false;
+        if (leaf != NONE) {
+#include "traverse/test_triangle.glsl"
+        }
+        if (QUOTA != 0) {
+            steps += subgroupAny(uncertain) ? 3 : 0;  // the loop in exact_distance
+            if (steps > QUOTA) {
+                break;
+            }
+        }
+    }
+#include "traverse/finish.glsl"
+    if (END_STEPS != 0) {
+        // Devices that end loops may run one subgroup after the other, and none has then anything left to share.
+        subgroupMemoryBarrierShared();
+        leaves = subgroupAny(ended >= END_WHEN || (QUOTA != 0 && ++turn == END_STEPS));
+    }
+    steps++;
+    busy = lanes(ray != MISS);
+    leaves = leaves || (BARRIER == 0 && QUOTA != 0 && steps > QUOTA);
+    if (leaves || BARRIER != 0 || busy == 0 || (more && busy < FETCH_BELOW)) {
+        break;
+    }
+}
