@@ -100,6 +100,9 @@ uint octant_of_all(bool has_ray, SignedSlab slab) {
 
 // The octant that rays are taken to point into, where nodes are visited.
 #define OCTANT MIXED
+// The leaf that a lane is to test: with SPECULATE one that it keeps while it goes on, else its node.
+#define HAS_LEAF (SPECULATE != 0 ? leaf != NONE : is_leaf(node))
+#define LOOKS_FOR_LEAF (is_inner(node) && leaf == NONE)
 #define FINISHED (node == NONE && leaf == NONE)
 
 // Closest hits of the rays in a queue, until none is left.
@@ -109,7 +112,7 @@ uint octant_of_all(bool has_ray, SignedSlab slab) {
 void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     uint ray = MISS;
     uint node = NONE;  // to visit next: inner node or leaf
-    uint leaf = NONE;  // postponed
+    uint leaf = NONE;  // postponed, with SPECULATE
     vec3 origin;
     float t_min;
     RaySlab slab;
@@ -189,7 +192,7 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
     } else {
         while (QUOTA == 0 || steps <= QUOTA) {
             steps++;
-            uint busy = lanes(node != NONE || leaf != NONE);
+            uint busy = lanes(!FINISHED);
             if (busy < FETCH_BELOW && (more || busy == 0)) {
 #include "traverse/finish.glsl"
                 if (!more) {
@@ -200,7 +203,7 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
             }
             bool inner = is_inner(node);
             uint visiting = lanes(inner);
-            uint testing = lanes(leaf != NONE);
+            uint testing = lanes(HAS_LEAF);
             if (visiting * 32 >= testing * VOTE) {
                 steps += NODE_STEPS;
                 if (COUNT == RAYS) {
@@ -214,7 +217,7 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
                     triangle_steps += step_of(testing);
                 }
                 bool uncertain = false;
-                if (leaf != NONE) {
+                if (HAS_LEAF) {
 #include "traverse/test_triangle.glsl"
                 }
                 if (QUOTA != 0) {

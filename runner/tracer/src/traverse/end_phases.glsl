@@ -85,7 +85,7 @@ for (uint place = 0;; place ^= SUBGROUPS) {
             best.t = uintBitsToFloat(shared_t[number]);
             bottom = 0;
             node = its.y;
-            if (is_leaf(node)) {
+            if (SPECULATE != 0 && is_leaf(node)) {
                 leaf = node;
                 node = NONE;
             }
@@ -99,14 +99,11 @@ for (uint place = 0;; place ^= SUBGROUPS) {
         if (is_inner(node)) {
 #include "traverse/visit_node.glsl"
         }
-        if (SPECULATE == 0) {
-#include "traverse/postpone.glsl"
-        }
         if (COUNT == RAYS) {
-            triangle_steps += step_of(lanes(leaf != NONE));
+            triangle_steps += step_of(lanes(HAS_LEAF));
         }
         bool uncertain = false;
-        if (leaf != NONE) {
+        if (HAS_LEAF) {
 #include "traverse/test_triangle.glsl"
         }
         if (QUOTA != 0) {

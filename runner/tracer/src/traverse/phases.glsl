@@ -15,10 +15,10 @@ for (;;) {
         }
         turn++;
     }
-    // Triangles, of the postponed leaf and of a second one where the lane waits with it.
+    // Triangles, of the leaf and of another one where that comes next.
     for (;;) {
-        uint testing = lanes(leaf != NONE);
-        if (testing == 0 || (testing <= POSTPONE && subgroupAny(is_inner(node) && leaf == NONE))) {
+        uint testing = lanes(HAS_LEAF);
+        if (testing == 0 || (testing <= POSTPONE && subgroupAny(LOOKS_FOR_LEAF))) {
             break;
         }
         steps++;
@@ -26,7 +26,7 @@ for (;;) {
             triangle_steps += step_of(testing);
         }
         bool uncertain = false;
-        if (leaf != NONE) {
+        if (HAS_LEAF) {
 #include "traverse/test_triangle.glsl"
         }
         if (QUOTA != 0) {

@@ -11,10 +11,7 @@ for (;;) {
 #include "traverse/visit_node.glsl"
         }
     }
-    if (lanes(is_inner(node) && leaf == NONE) <= SEARCH_ABOVE || (QUOTA != 0 && steps > QUOTA)) {
+    if (lanes(LOOKS_FOR_LEAF) <= SEARCH_ABOVE || (QUOTA != 0 && steps > QUOTA)) {
         break;
     }
-}
-if (SPECULATE == 0) {
-#include "traverse/postpone.glsl"
 }
