@@ -94,27 +94,34 @@ while (more) {
                     }
                 }
             }
-            // Its children, a lane each.
-            float t = INFINITY;
-            if (lane < ARITY) {
-                vec3 lo, hi;
-                load_box(tree.nodes, at, lane, lo, hi);
-                t = enter(packet, lo, hi, t_max);
-            }
+            // Its children, a lane each; lanes beyond test the last once more, because none may part from the others here.
+            vec3 lo, hi;
+            load_box(tree.nodes, at, min(lane, ARITY - 1), lo, hi);
+            float t = enter(packet, lo, hi, t_max);
             // Distances, which are at least 0, are in the order of the integers that have their bits. The last of these
             // make way for the lane, and KEYS is added so that 0 stands for none; entering is early by a few units in
             // the last place.
-            uint key = t < INFINITY ? (floatBitsToUint(t) & ~(KEYS - 1) | lane) + KEYS : 0;
-            // The farthest first.
+            uint key = t < INFINITY && lane < ARITY ? (floatBitsToUint(t) & ~(KEYS - 1) | lane) + KEYS : 0;
+            // The farthest first, and the nearest is next.
             uint met = lanes(key != 0);
-            for (; met > 1; met--) {
-                steps += 2;
-                uint farthest = subgroupMax(key);
-                packet_stack[base + height++] = uvec2(at * ARITY + farthest % KEYS, farthest);
-                key = key == farthest ? 0 : key;
+            uint farther = 0;
+            steps += ARITY;
+            [[unroll]] for (uint k = 0; k < ARITY; k++) {
+                farther += subgroupBroadcast(key, k) > key ? 1 : 0;
             }
-            if (met == 1) {
-                next = at * ARITY + subgroupMax(key) % KEYS;
+            uvec4 nearest = subgroupBallot(key != 0 && farther + 1 == met);
+            if (key != 0 && farther + 1 < met) {
+                packet_stack[base + height + farther] = uvec2(at * ARITY + lane, key);
+            }
+            // All lanes read what one has written. (Mesa 22 takes a subgroup's barrier for one of the workgroup.)
+            if (QUOTA == 0) {
+                subgroupBarrier();
+            } else {
+                subgroupMemoryBarrierShared();
+            }
+            if (met > 0) {
+                next = at * ARITY + subgroupBallotFindLSB(nearest);
+                height += met - 1;
             }
             at = NONE;
         }
