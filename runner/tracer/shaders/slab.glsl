@@ -43,6 +43,40 @@ float enter(Slab slab, vec3 lo, vec3 hi, float t_min, float t_max) {
     return enters <= leaves ? enters : INFINITY;
 }
 
+// The same for who selects the plane of each axis where the ray enters, which is the upper one where its direction falls.
+struct OrderedSlab {
+    vec3 inverse;
+    vec3 near;  // added to planes where a ray enters
+    vec3 far;   // and where it leaves
+};
+
+OrderedSlab ordered_slab_of(Slab slab) {
+    bvec3 falls = lessThan(slab.inverse, vec3(0.0));
+    return OrderedSlab(slab.inverse, mix(slab.lower, slab.upper, falls), mix(slab.upper, slab.lower, falls));
+}
+
+// The last entry of three, and the first of three exits and t_max, as the bits of distances. Whether the first is no more than
+// the second is whether a ray meets a box between its origin and t_max.
+//
+// Some devices find the largest of three integers at once. Bits of floats are in the order of the floats unless both are below
+// zero: then they are in the opposite order. So where a ray starts in the box, it enters somewhere below zero, no matter where;
+// and where the box is behind it, it enters and leaves below zero, and the last entry is at least as far behind as the first
+// exit, which is no less as an integer.
+int last_entry(vec3 near) {
+    ivec3 n = floatBitsToInt(near);
+    return max(max(n.x, n.y), n.z);
+}
+int first_exit(vec3 far, float t_max) {
+    ivec3 f = floatBitsToInt(far);
+    return min(min(min(f.x, f.y), f.z), floatBitsToInt(t_max));
+}
+
+// Whether it meets a box, which it enters and leaves through these planes, between t_min, which is at least 0, and t_max.
+bool meets_planes(OrderedSlab slab, vec3 entry, vec3 exit, float t_min, float t_max) {
+    int enters = max(last_entry(fma(entry, slab.inverse, slab.near)), floatBitsToInt(t_min));
+    return enters <= first_exit(fma(exit, slab.inverse, slab.far), t_max);
+}
+
 // The same for boxes whose planes a ray meets in an order that the signs of its direction tell: it enters through
 //     lo * rising + hi * falling + near
 // of which one product is zero, so that nothing but what `enter` computes comes out. Two fused multiply-adds a plane
@@ -55,9 +89,8 @@ struct SignedSlab {
 };
 
 SignedSlab signed_slab_of(Slab slab) {
-    bvec3 falls = lessThan(slab.inverse, vec3(0.0));
-    return SignedSlab(max(slab.inverse, vec3(0.0)), min(slab.inverse, vec3(0.0)), mix(slab.lower, slab.upper, falls),
-                      mix(slab.upper, slab.lower, falls));
+    OrderedSlab ordered = ordered_slab_of(slab);
+    return SignedSlab(max(slab.inverse, vec3(0.0)), min(slab.inverse, vec3(0.0)), ordered.near, ordered.far);
 }
 
 // Octants have a bit an axis, set where directions fall. MIXED stands for any.
@@ -66,11 +99,6 @@ const uint MIXED = 8;
 // Whether the ray meets the box between t_min, which is at least 0, and t_max, and the bits of the distance at which it enters.
 // Where the octant that it points into is known when the kernel is compiled, one multiply-add a plane is left, which computes
 // the same, and a box before t_min counts as met.
-//
-// Distances are compared as integers, because some devices find the largest of three of these at once. Bits of floats are in
-// the order of the floats unless both are below zero: then they are in the opposite order. So where the ray starts in the box,
-// it enters somewhere below zero, no matter where; and where the box is behind it, it enters and leaves below zero, and what it
-// enters last is at least as far behind as what it leaves first, which is no less as an integer.
 bool meets(SignedSlab slab, uint octant, vec3 lo, vec3 hi, float t_min, float t_max, out int enters) {
     vec3 near, far;
     if (octant == MIXED) {
@@ -84,10 +112,9 @@ bool meets(SignedSlab slab, uint octant, vec3 lo, vec3 hi, float t_min, float t_
             far[axis] = fma(falls ? lo[axis] : hi[axis], inverse, slab.far[axis]);
         }
     }
-    ivec3 n = floatBitsToInt(near), f = floatBitsToInt(far);
-    enters = max(max(n.x, n.y), n.z);
+    enters = last_entry(near);
     enters = octant == MIXED ? max(enters, floatBitsToInt(t_min)) : enters;
-    return enters <= min(min(min(f.x, f.y), f.z), floatBitsToInt(t_max));
+    return enters <= first_exit(far, t_max);
 }
 
 #endif

@@ -17,11 +17,11 @@ const uint lane = gl_SubgroupInvocationID;
 uint ray_of[PACKET_RAYS];
 vec3 origin_of[PACKET_RAYS];
 float t_min_of[PACKET_RAYS];
-Slab slab_of_[PACKET_RAYS];
+OrderedSlab slab_of_[PACKET_RAYS];
 Shear shear_of_[PACKET_RAYS];
 Hit best_of[PACKET_RAYS];
 bool meets[PACKET_RAYS];  // what is visited now
-uvec3 counts_of[PACKET_RAYS];
+uvec2 counts_of[PACKET_RAYS];  // nodes and triangles
 while (more) {
     // For all lanes at once.
     uint first;
@@ -44,9 +44,9 @@ while (more) {
         best_of[r] = Hit(-1.0, MISS);
         t_min_of[r] = 0.0;
         origin_of[r] = vec3(0.0);
-        slab_of_[r] = Slab(vec3(0.0), vec3(0.0), vec3(0.0));
+        slab_of_[r] = OrderedSlab(vec3(0.0), vec3(0.0), vec3(0.0));
         shear_of_[r] = Shear(vec3(0.0), 0);
-        counts_of[r] = uvec3(0);
+        counts_of[r] = uvec2(0);
         meets[r] = index < count;
         if (meets[r]) {
             Ray its = rays.items[index];
@@ -54,7 +54,7 @@ while (more) {
             best_of[r] = Hit(min(its.t_max, LARGEST), MISS);
             t_min_of[r] = its.t_min;
             origin_of[r] = its.origin;
-            slab_of_[r] = slab_of(its.origin, its.direction, tree.extent, PAD);
+            slab_of_[r] = ordered_slab_of(slab_of(its.origin, its.direction, tree.extent, PAD));
             shear_of_[r] = aim(its.direction);
             // Twice the pad that a single ray has: one for it, and one for the rounding of what is done with intervals.
             vec3 pad = max(abs(its.origin), vec3(tree.extent)) * (2.0 * PAD);
@@ -76,8 +76,12 @@ while (more) {
         packet.inverse_hi[axis] = -least_of(-packet.inverse_hi[axis]);
     }
     packet.t_min = least_of(packet.t_min);
+    // Where all rays point into one octant, they enter and leave through the same planes.
+    bvec3 fall = lessThan(packet.inverse_hi, vec3(0.0));
+    bool one_octant = all(equal(fall, lessThan(packet.inverse_lo, vec3(0.0))));
     t_max = -least_of(-t_max);
     uint at = 0;  // a node to visit, or NONE
+    boxes_tested = 0;
     uint height = 0;
     for (;;) {
         steps += 3;        // with the last, empty rounds of the loops below
@@ -142,12 +146,19 @@ while (more) {
         load_box(tree.nodes, parent, slot, lo, hi);
         uint child = load_link(tree.nodes, parent, slot);
         steps += 4 * PACKET_RAYS + 4;
+        boxes_tested++;
         bool any_meets = false;
-        [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
-            meets[r] = enter(slab_of_[r], lo, hi, t_min_of[r], best_of[r].t) < INFINITY;
-            any_meets = any_meets || meets[r];
-            if (COUNT == RAYS) {
-                counts_of[r].y++;
+        if (one_octant) {
+            vec3 entry = mix(lo, hi, fall), exit = mix(hi, lo, fall);
+            [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
+                meets[r] = meets_planes(slab_of_[r], entry, exit, t_min_of[r], best_of[r].t);
+                any_meets = any_meets || meets[r];
+            }
+        } else {
+            [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
+                bvec3 falls = lessThan(slab_of_[r].inverse, vec3(0.0));
+                meets[r] = meets_planes(slab_of_[r], mix(lo, hi, falls), mix(hi, lo, falls), t_min_of[r], best_of[r].t);
+                any_meets = any_meets || meets[r];
             }
         }
         if (!subgroupAny(any_meets)) {
@@ -166,11 +177,11 @@ while (more) {
                 float t_min = t_min_of[r];
                 Shear shear = shear_of_[r];
                 Hit best = best_of[r];
-                uint triangles_tested = counts_of[r].z;
+                uint triangles_tested = counts_of[r].y;
                 bool uncertain = false;
 #include "traverse/meet_triangle.glsl"
                 best_of[r] = best;
-                counts_of[r].z = triangles_tested;
+                counts_of[r].y = triangles_tested;
                 if (COUNT == RAYS) {
                     triangle_steps += step_of(lanes(ray != MISS));
                 }
@@ -192,7 +203,7 @@ while (more) {
     [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
         uint ray = ray_of[r];
         Hit best = best_of[r];
-        uint nodes_visited = counts_of[r].x, boxes_tested = counts_of[r].y, triangles_tested = counts_of[r].z;
+        uint nodes_visited = counts_of[r].x, triangles_tested = counts_of[r].y;
 #include "traverse/finish.glsl"
     }
 }

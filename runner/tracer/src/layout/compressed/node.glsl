@@ -7,16 +7,10 @@ const uint ALIGN = (STRIDE & 15) == 0 ? 16 : ((STRIDE & 7) == 0 ? 8 : 4);
 // What a kernel keeps of a ray for this layout. Two more roundings than exact boxes need: that of a node's
 // origin along the ray, and that of what is added to it.
 const float PAD = EXACT_PAD * 1.5;
-struct RaySlab {
-    vec3 inverse;
-    vec3 near;  // added to planes where the ray enters
-    vec3 far;   // and where it leaves
-};
+#define RaySlab OrderedSlab
 
 RaySlab slab_of_ray(vec3 origin, vec3 direction, float extent) {
-    Slab slab = slab_of(origin, direction, extent, PAD);
-    SignedSlab by_sign = signed_slab_of(slab);
-    return RaySlab(slab.inverse, by_sign.near, by_sign.far);
+    return ordered_slab_of(slab_of(origin, direction, extent, PAD));
 }
 
 // Iterations of the loops in `meet` and in visit.glsl, each with its last, empty one.
@@ -98,11 +92,10 @@ uint meet(Compressed c, RaySlab slab, uint octinv, float t_min, float t_max, out
                             by_logic ? near_bias_of_offset : near_bias);
             vec3 far = fma(by_logic ? lines_by_logic(far_lines, k) : vec3(far_lines >> (8 * k) & 255), step_,
                            by_logic ? far_bias_of_offset : far_bias);
-            // As integers, as `meets` has it in slab.glsl. What is before t_min counts as met.
-            ivec3 n = floatBitsToInt(near), f = floatBitsToInt(far);
-            int enters = max(max(n.x, n.y), n.z);
+            // What is before t_min counts as met.
+            int enters = last_entry(near);
             t[4 * four + k] = max(intBitsToFloat(enters), t_min);
-            if (enters <= min(min(min(f.x, f.y), f.z), floatBitsToInt(t_max))) {
+            if (enters <= first_exit(far, t_max)) {
                 met |= (child_bits4 >> (8 * k) & 255) << (bit_index4 >> (8 * k) & 255);
             }
         }
