@@ -71,16 +71,28 @@ int first_exit(vec3 far, float t_max) {
     return min(min(min(f.x, f.y), f.z), floatBitsToInt(t_max));
 }
 
-// Whether it meets a box, which it enters and leaves through these planes, between t_min, which is at least 0, and t_max.
-bool meets_planes(OrderedSlab slab, vec3 entry, vec3 exit, float t_min, float t_max) {
-    int enters = max(last_entry(fma(entry, slab.inverse, slab.near)), floatBitsToInt(t_min));
+// Whether it meets a box, which it enters and leaves through these planes, between its origin and t_max, and the bits of the
+// distance at which it enters. A box before t_min counts as met: few are, and nothing in them is hit. So does one at infinity,
+// where the direction falls on all axes.
+bool meets_planes(OrderedSlab slab, vec3 entry, vec3 exit, float t_max, out int enters) {
+    enters = last_entry(fma(entry, slab.inverse, slab.near));
     return enters <= first_exit(fma(exit, slab.inverse, slab.far), t_max);
 }
 
-// The same for boxes whose planes a ray meets in an order that the signs of its direction tell: it enters through
+// Octants have a bit an axis, set where directions fall. MIXED stands for any.
+const uint MIXED = 8;
+
+// The same for a box whose planes are in order. Where the octant that the ray points into is known when the kernel is compiled,
+// nothing has to be selected.
+bool meets_in_octant(OrderedSlab slab, uint octant, vec3 lo, vec3 hi, float t_max, out int enters) {
+    bvec3 falls = octant == MIXED ? lessThan(slab.inverse, vec3(0.0)) : bvec3(octant & 1, octant & 2, octant & 4);
+    return meets_planes(slab, mix(lo, hi, falls), mix(hi, lo, falls), t_max, enters);
+}
+
+// The same, but between t_min, which is at least 0, and t_max, by the signs of the ray's direction alone: it enters through
 //     lo * rising + hi * falling + near
 // of which one product is zero, so that nothing but what `enter` computes comes out. Two fused multiply-adds a plane
-// are cheaper than one and the least and the greatest of two, where these have half the rate.
+// are cheaper than one and a selection, or the least and the greatest of two, where these have half the rate.
 struct SignedSlab {
     vec3 rising;   // 1 / direction, where it is positive, else 0
     vec3 falling;  // where it is negative
@@ -93,28 +105,9 @@ SignedSlab signed_slab_of(Slab slab) {
     return SignedSlab(max(slab.inverse, vec3(0.0)), min(slab.inverse, vec3(0.0)), ordered.near, ordered.far);
 }
 
-// Octants have a bit an axis, set where directions fall. MIXED stands for any.
-const uint MIXED = 8;
-
-// Whether the ray meets the box between t_min, which is at least 0, and t_max, and the bits of the distance at which it enters.
-// Where the octant that it points into is known when the kernel is compiled, one multiply-add a plane is left, which computes
-// the same, and a box before t_min counts as met.
-bool meets(SignedSlab slab, uint octant, vec3 lo, vec3 hi, float t_min, float t_max, out int enters) {
-    vec3 near, far;
-    if (octant == MIXED) {
-        near = fma(lo, slab.rising, fma(hi, slab.falling, slab.near));
-        far = fma(hi, slab.rising, fma(lo, slab.falling, slab.far));
-    } else {
-        [[unroll]] for (uint axis = 0; axis < 3; axis++) {
-            bool falls = (octant >> axis & 1) != 0;
-            float inverse = falls ? slab.falling[axis] : slab.rising[axis];
-            near[axis] = fma(falls ? hi[axis] : lo[axis], inverse, slab.near[axis]);
-            far[axis] = fma(falls ? lo[axis] : hi[axis], inverse, slab.far[axis]);
-        }
-    }
-    enters = last_entry(near);
-    enters = octant == MIXED ? max(enters, floatBitsToInt(t_min)) : enters;
-    return enters <= first_exit(far, t_max);
+bool meets(SignedSlab slab, vec3 lo, vec3 hi, float t_min, float t_max, out int enters) {
+    enters = max(last_entry(fma(lo, slab.rising, fma(hi, slab.falling, slab.near))), floatBitsToInt(t_min));
+    return enters <= first_exit(fma(hi, slab.rising, fma(lo, slab.falling, slab.far)), t_max);
 }
 
 #endif

@@ -66,6 +66,12 @@ const uint KEYS = 8;
 // Of packets, a stack a subgroup: a node times ARITY plus the slot of a child, and the child's key.
 const uint PACKET_ENTRIES = PACKETS > 0 ? STACK_SIZE * PACKETS : 1;
 shared uvec2 packet_stack[PACKET_ENTRIES];
+
+// The r-th ray that a lane has of a packet, which begins at `first`, or MISS.
+uint ray_of_packet(uint first, uint r, uint count) {
+    uint index = first + r * gl_SubgroupSize + gl_SubgroupInvocationID;
+    return index < count ? index : MISS;
+}
 #endif
 
 // With END_STEPS, what the subgroups of a workgroup tell each other when the queue is empty: how many have ended; how each
@@ -86,10 +92,10 @@ shared uint shared_triangles[COUNTED_RAYS];
 
 #if defined(BY_OCTANT)
 // The octant that the rays of all lanes which have one point into, or MIXED.
-uint octant_of_all(bool has_ray, SignedSlab slab) {
+uint octant_of_all(bool has_ray, OrderedSlab slab) {
     uint octant = 0;
     [[unroll]] for (uint axis = 0; axis < 3; axis++) {
-        bool falls = slab.falling[axis] < 0.0;
+        bool falls = slab.inverse[axis] < 0.0;
         bool all_fall = subgroupAll(falls || !has_ray);
         bool all_rise = subgroupAll(!falls || !has_ray);
         octant |= all_fall ? 1 << axis : (all_rise ? 0 : MIXED);

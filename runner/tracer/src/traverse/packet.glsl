@@ -14,7 +14,6 @@
 // give it a wrong hit.
 const uint base = gl_SubgroupID * STACK_SIZE;
 const uint lane = gl_SubgroupInvocationID;
-uint ray_of[PACKET_RAYS];
 vec3 origin_of[PACKET_RAYS];
 float t_min_of[PACKET_RAYS];
 OrderedSlab slab_of_[PACKET_RAYS];
@@ -39,7 +38,6 @@ while (more) {
     float t_max = 0.0;
     [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
         uint index = first + r * gl_SubgroupSize + lane;
-        ray_of[r] = MISS;
         // Of a lane that gets no ray: all boxes are too far away.
         best_of[r] = Hit(-1.0, MISS);
         t_min_of[r] = 0.0;
@@ -50,7 +48,6 @@ while (more) {
         meets[r] = index < count;
         if (meets[r]) {
             Ray its = rays.items[index];
-            ray_of[r] = index;
             best_of[r] = Hit(min(its.t_max, LARGEST), MISS);
             t_min_of[r] = its.t_min;
             origin_of[r] = its.origin;
@@ -98,23 +95,32 @@ while (more) {
                     }
                 }
             }
-            // Its children, a lane each; lanes beyond test the last once more, because none may part from the others here.
+            // Its children, a lane each, and the same again in each further KEYS lanes, because none may part from the others
+            // here.
+            uint child_of_lane = lane % KEYS;
             vec3 lo, hi;
-            load_box(tree.nodes, at, min(lane, ARITY - 1), lo, hi);
+            load_box(tree.nodes, at, min(child_of_lane, ARITY - 1), lo, hi);
             float t = enter(packet, lo, hi, t_max);
+            // (Empty slots are at infinity, which intervals about 0 may meet.)
+            //
             // Distances, which are at least 0, are in the order of the integers that have their bits. The last of these
-            // make way for the lane, and KEYS is added so that 0 stands for none; entering is early by a few units in
+            // make way for the child, and KEYS is added so that 0 stands for none; entering is early by a few units in
             // the last place.
-            uint key = t < INFINITY && lane < ARITY ? (floatBitsToUint(t) & ~(KEYS - 1) | lane) + KEYS : 0;
-            // The farthest first, and the nearest is next.
-            uint met = lanes(key != 0);
+            bool may_meet = all(bvec3(t < INFINITY, child_of_lane < ARITY, lo.x < INFINITY));
+            uint key = may_meet ? (floatBitsToUint(t) & ~(KEYS - 1) | child_of_lane) + KEYS : 0;
+            // The farthest first, and the nearest is next. Which others are farther than a child is asked by all lanes that
+            // have this child, of one of the others each, in as many rounds as it takes.
+            uint met = bitCount(subgroupBallot(key != 0).x % (1 << KEYS));
+            uint groups = clamp(gl_SubgroupSize / KEYS, 1, KEYS);
+            uint same_child = 0x01010101u << child_of_lane;
             uint farther = 0;
             steps += ARITY;
-            [[unroll]] for (uint k = 0; k < ARITY; k++) {
-                farther += subgroupBroadcast(key, k) > key ? 1 : 0;
+            [[unroll]] for (uint k = 0; k < (ARITY + groups - 1) / groups; k++) {
+                uvec4 farther_ones = subgroupBallot(subgroupShuffle(key, lane / KEYS + k * groups) > key);
+                farther += subgroupBallotBitCount(farther_ones & uvec4(same_child, same_child, 0, 0));
             }
             uvec4 nearest = subgroupBallot(key != 0 && farther + 1 == met);
-            if (key != 0 && farther + 1 < met) {
+            if (lane < KEYS && key != 0 && farther + 1 < met) {
                 packet_stack[base + height + farther] = uvec2(at * ARITY + lane, key);
             }
             // All lanes read what one has written. (Mesa 22 takes a subgroup's barrier for one of the workgroup.)
@@ -148,16 +154,16 @@ while (more) {
         steps += 4 * PACKET_RAYS + 4;
         boxes_tested++;
         bool any_meets = false;
+        int enters;
         if (one_octant) {
             vec3 entry = mix(lo, hi, fall), exit = mix(hi, lo, fall);
             [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
-                meets[r] = meets_planes(slab_of_[r], entry, exit, t_min_of[r], best_of[r].t);
+                meets[r] = meets_planes(slab_of_[r], entry, exit, best_of[r].t, enters);
                 any_meets = any_meets || meets[r];
             }
         } else {
             [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
-                bvec3 falls = lessThan(slab_of_[r].inverse, vec3(0.0));
-                meets[r] = meets_planes(slab_of_[r], mix(lo, hi, falls), mix(hi, lo, falls), t_min_of[r], best_of[r].t);
+                meets[r] = meets_in_octant(slab_of_[r], MIXED, lo, hi, best_of[r].t, enters);
                 any_meets = any_meets || meets[r];
             }
         }
@@ -172,7 +178,7 @@ while (more) {
         for (uint index = child & 0x7FFFFFFu; index <= last; index++) {
             steps += 1 + PACKET_RAYS;
             [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
-                uint ray = ray_of[r];
+                uint ray = ray_of_packet(first, r, count);
                 vec3 origin = origin_of[r];
                 float t_min = t_min_of[r];
                 Shear shear = shear_of_[r];
@@ -201,7 +207,7 @@ while (more) {
     }
     node = NONE;
     [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
-        uint ray = ray_of[r];
+        uint ray = ray_of_packet(first, r, count);
         Hit best = best_of[r];
         uint nodes_visited = counts_of[r].x, triangles_tested = counts_of[r].y;
 #include "traverse/finish.glsl"

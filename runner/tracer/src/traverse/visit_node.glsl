@@ -11,8 +11,8 @@ if (COUNT == VISITS) {
     atomicAdd(tree.visits.items[node], 1);
 }
 int t[2];
-bool left = meets(slab, OCTANT, loaded.lo[0], loaded.hi[0], t_min, best.t, t[0]);
-bool right = meets(slab, OCTANT, loaded.lo[1], loaded.hi[1], t_min, best.t, t[1]);
+bool left = MEETS(loaded.lo[0], loaded.hi[0], t[0]);
+bool right = MEETS(loaded.lo[1], loaded.hi[1], t[1]);
 // (With && and ||, some compilers branch.)
 bool right_first = all(bvec2(right, any(bvec2(!left, t[1] < t[0]))));
 if (left && right) {

@@ -8,11 +8,21 @@ const float PAD = EXACT_PAD;
 // Iterations of loops for a node.
 const uint MEET_STEPS = 0;
 
+#if defined(BY_OCTANT)
+#define RaySlab OrderedSlab
+
+RaySlab slab_of_ray(vec3 origin, vec3 direction, float extent) {
+    return ordered_slab_of(slab_of(origin, direction, extent, PAD));
+}
+#define MEETS(lo, hi, enters) meets_in_octant(slab, OCTANT, lo, hi, best.t, enters)
+#else
 #define RaySlab SignedSlab
 
 RaySlab slab_of_ray(vec3 origin, vec3 direction, float extent) {
     return signed_slab_of(slab_of(origin, direction, extent, PAD));
 }
+#define MEETS(lo, hi, enters) meets(slab, lo, hi, t_min, best.t, enters)
+#endif
 
 // A node as it is loaded.
 struct BinaryNode {
