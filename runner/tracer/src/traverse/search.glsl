@@ -2,10 +2,12 @@
 // have nothing left.
 for (;;) {
     steps += 2;
+    steps += VISITS_A_VOTE * NODE_STEPS;
     [[unroll]] for (uint visit = 0; visit < VISITS_A_VOTE; visit++) {
-        steps += NODE_STEPS;
         if (COUNT == RAYS) {
             node_steps += step_of(lanes(is_inner(node)));
+        } else if (!is_inner(node)) {
+            break;
         }
         if (is_inner(node)) {
 #include "traverse/visit_node.glsl"

@@ -14,8 +14,9 @@ int t[2];
 bool left = MEETS(loaded.lo[0], loaded.hi[0], t[0]);
 bool right = MEETS(loaded.lo[1], loaded.hi[1], t[1]);
 // (With && and ||, some compilers branch.)
-bool right_first = all(bvec2(right, any(bvec2(!left, t[1] < t[0]))));
-if (left && right) {
+bool both = all(bvec2(left, right));
+bool right_first = any(bvec2(!left, all(bvec2(both, t[1] < t[0]))));
+if (both) {
     stack[++top] = right_first ? loaded.child.x : loaded.child.y;
 }
 node = right_first ? loaded.child.y : loaded.child.x;
