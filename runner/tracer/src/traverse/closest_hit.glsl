@@ -186,6 +186,7 @@ void closest_hits(Tree tree, Rays rays, Hits hits, Queue queue) {
 #else
 #include "traverse/phases.glsl"
 #endif
+#include "traverse/finish.glsl"
             }
             if (END_STEPS != 0) {
                 if (subgroupElect()) {

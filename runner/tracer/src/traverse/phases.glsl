@@ -36,14 +36,13 @@ for (;;) {
             }
         }
     }
-#include "traverse/finish.glsl"
     if (END_STEPS != 0) {
         // Devices that end loops may run one subgroup after the other, and none has then anything left to share.
         subgroupMemoryBarrierShared();
         leaves = subgroupAny(ended >= END_WHEN || (QUOTA != 0 && ++turn == END_STEPS));
     }
     steps++;
-    busy = lanes(ray != MISS);
+    busy = lanes(!FINISHED);
     leaves = leaves || (BARRIER == 0 && QUOTA != 0 && steps > QUOTA);
     if (leaves || BARRIER != 0 || busy == 0 || (more && busy < FETCH_BELOW)) {
         break;
