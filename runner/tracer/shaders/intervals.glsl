@@ -3,6 +3,7 @@
 #define INTERVALS_GLSL
 
 #include "ray.glsl"
+#include "slab.glsl"
 
 // Bounds of origins, a pad wider on each side, and of inverse directions.
 struct Packet {
@@ -33,6 +34,22 @@ float enter(Packet packet, vec3 lo, vec3 hi, float t_max) {
     float enters = max(max(near.x, near.y), max(near.z, packet.t_min));
     float leaves = min(min(far.x, far.y), min(far.z, t_max));
     return enters <= leaves ? max(enters, 0.0) : INFINITY;
+}
+
+// Bounds swapped along the axes where all directions fall.
+Packet in_octant(Packet packet, bvec3 fall) {
+    return Packet(mix(packet.origin_lo, packet.origin_hi, fall), mix(packet.origin_hi, packet.origin_lo, fall),
+                  mix(packet.inverse_lo, packet.inverse_hi, fall), mix(packet.inverse_hi, packet.inverse_lo, fall),
+                  packet.t_min);
+}
+
+// The same, where all rays point into one octant, so that they enter boxes through `entry` and leave through `exit`. Those that
+// meet an entry first have started farthest on, and the fastest of those that started last leave last. (Of planes behind the
+// rays neither is true, but these are behind all of them.) The packet is what `in_octant` makes of it.
+float enter_in_octant(Packet packet, vec3 entry, vec3 exit, float t_max) {
+    int enters = max(last_entry((entry - packet.origin_hi) * packet.inverse_lo), floatBitsToInt(packet.t_min));
+    int leaves = first_exit((exit - packet.origin_lo) * packet.inverse_hi, t_max);
+    return enters <= leaves ? intBitsToFloat(enters) : INFINITY;
 }
 
 #endif

@@ -110,7 +110,8 @@ pub struct Params {
     /// Subgroups a workgroup for secondary rays.
     pub secondary_subgroups: u32,
     /// Idle lanes fetch new primary rays when fewer than this share of a subgroup has one: the thesis's 20 of
-    /// 32. More keeps lanes busier, costs more visits to the queue, and mixes rays that would stay together.
+    /// 32. More keeps lanes busier, costs more visits to the queue, and mixes rays that would stay together; 0 waits until no
+    /// lane has any.
     pub primary_fetch_below: f32,
     /// The same of secondary rays.
     pub secondary_fetch_below: f32,

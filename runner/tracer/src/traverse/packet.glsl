@@ -76,6 +76,9 @@ while (more) {
     // Where all rays point into one octant, they enter and leave through the same planes.
     bvec3 fall = lessThan(packet.inverse_hi, vec3(0.0));
     bool one_octant = all(equal(fall, lessThan(packet.inverse_lo, vec3(0.0))));
+    if (one_octant) {
+        packet = in_octant(packet, fall);
+    }
     t_max = -least_of(-t_max);
     uint at = 0;  // a node to visit, or NONE
     boxes_tested = 0;
@@ -100,7 +103,8 @@ while (more) {
             uint child_of_lane = lane % KEYS;
             vec3 lo, hi;
             load_box(tree.nodes, at, min(child_of_lane, ARITY - 1), lo, hi);
-            float t = enter(packet, lo, hi, t_max);
+            float t = one_octant ? enter_in_octant(packet, mix(lo, hi, fall), mix(hi, lo, fall), t_max)
+                                 : enter(packet, lo, hi, t_max);
             // (Empty slots are at infinity, which intervals about 0 may meet.)
             //
             // Distances, which are at least 0, are in the order of the integers that have their bits. The last of these
