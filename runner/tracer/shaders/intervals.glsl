@@ -43,9 +43,10 @@ Packet in_octant(Packet packet, bvec3 fall) {
                   packet.t_min);
 }
 
-// The same, where all rays point into one octant, so that they enter boxes through `entry` and leave through `exit`. Those that
-// meet an entry first have started farthest on, and the fastest of those that started last leave last. (Of planes behind the
-// rays neither is true, but these are behind all of them.) The packet is what `in_octant` makes of it.
+// The same, where all rays point into one octant, so that they enter boxes through `entry` and leave through `exit`. Along an
+// axis none enters before a ray would that starts the farthest on and is the fastest, and none leaves after one that starts the
+// farthest back and is the slowest. (With planes behind the rays it is the other way round, but where these are does not matter.)
+// The packet is what `in_octant` makes of it.
 float enter_in_octant(Packet packet, vec3 entry, vec3 exit, float t_max) {
     int enters = max(last_entry((entry - packet.origin_hi) * packet.inverse_lo), floatBitsToInt(packet.t_min));
     int leaves = first_exit((exit - packet.origin_lo) * packet.inverse_hi, t_max);

@@ -1,8 +1,8 @@
 // Statements of phases.glsl: where all rays point into OCTANT, lanes visit nodes until all, or all but few, have a leaf or
 // have nothing left.
 for (;;) {
-    steps += 2;
-    steps += VISITS_A_VOTE * NODE_STEPS;
+    steps += 2 + VISITS_A_VOTE * NODE_STEPS;
+    // Lanes leave as one loop, where they meet again; those of kernels that count vote in each visit.
     [[unroll]] for (uint visit = 0; visit < VISITS_A_VOTE; visit++) {
         if (COUNT == RAYS) {
             node_steps += step_of(lanes(is_inner(node)));
