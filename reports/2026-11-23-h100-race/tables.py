@@ -1,13 +1,9 @@
 #!/usr/bin/env python3
-"""Prints the race's table from race_*.json and peers.csv: rays of all views over the sum of the launches' medians.
-
-Of scenes of which only what the sweep printed is left, race_*.txt, it prints that, with a degree sign.
-"""
+"""Prints the race's table from race_*.json and peers.csv: rays of all views over the sum of the launches' medians."""
 
 import csv
 import json
 import pathlib
-import re
 import statistics
 
 HERE = pathlib.Path(__file__).parent
@@ -40,14 +36,6 @@ for row in csv.DictReader((HERE / "peers.csv").open()):
 points = [point for path in HERE.glob("race_*.json") for point in json.loads(path.read_text())["results"]]
 # By variant, scene, and whether of primary rays.
 rates = {(name(p), p["scene"]["name"], i == 0): rate(p, *(0, 0) if i == 0 else (1, 7)) for p in points for i in (0, 1)}
-printed = {}
-for path in HERE.glob("race_*.txt"):
-    for line in path.read_text().splitlines():
-        cells = re.split(r"\s{2,}", line)
-        if len(cells) > 8 and cells[0] == path.stem.removeprefix("race_"):
-            variant = cells[1] + (", shared triangles" if cells[3] == "true" else "")
-            printed.update({(variant, cells[0], i == 0): float(cells[5 + 2 * i]) for i in (0, 1)})
-
 scenes = list(dict.fromkeys(scene for scene, _ in peers))
 for title, column, primary in (("primary", "primary_mrps", True), ("bounces 1 to 7", "secondary_mrps", False)):
     print(f"\n| {title} | " + " | ".join(scenes) + " |\n|---|" + "---:|" * len(scenes))
@@ -55,10 +43,9 @@ for title, column, primary in (("primary", "primary_mrps", True), ("bounces 1 to
     for variant in sorted({variant for variant, _, _ in rates}):
         cells = []
         for scene in scenes:
-            key = (variant, scene, primary)
-            its = rates.get(key) or printed.get(key)
-            cells.append(f"{its:.0f}{'' if key in rates else '°'}" if its else "")
-            best[scene] = max(best.get(scene, 0), its or 0)
+            its = rates[variant, scene, primary]
+            cells.append(f"{its:.0f}")
+            best[scene] = max(best.get(scene, 0), its)
         print(f"| {variant} | " + " | ".join(cells) + " |")
     cuda = {scene: max(peers[scene, column])[0] for scene in scenes}
     print("| best CUDA | " + " | ".join(f"{cuda[scene]:.0f}" for scene in scenes) + " |")
