@@ -104,6 +104,12 @@ uint octant_of_all(bool has_ray, OrderedSlab slab) {
 }
 #endif
 
+// Whether a subgroup stays with the code for an octant while its rays do.
+#if defined(BY_OCTANT)
+#define STAYS_IN_OCTANT true
+#else
+#define STAYS_IN_OCTANT false
+#endif
 // The octant that rays are taken to point into, where nodes are visited.
 #define OCTANT MIXED
 // The leaf that a lane is to test: with SPECULATE one that it keeps while it goes on, else its node.

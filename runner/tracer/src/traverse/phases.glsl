@@ -1,5 +1,6 @@
-// Statements of closest_hit.glsl: turns of nodes and triangles, where all rays point into OCTANT, until so many lanes have no
-// ray that they fetch new ones, or the subgroup leaves. With BARRIER, a single turn.
+// Statements of closest_hit.glsl: a turn of nodes and triangles, where all rays point into OCTANT. What is chosen by octants goes
+// on until so many lanes have no ray that they fetch new ones, or the subgroup leaves; in other kernels, compilers make more of
+// a single loop.
 for (;;) {
 #include "traverse/search.glsl"
     if (BARRIER != 0) {
@@ -44,7 +45,7 @@ for (;;) {
     steps++;
     busy = lanes(!FINISHED);
     leaves = leaves || (BARRIER == 0 && QUOTA != 0 && steps > QUOTA);
-    if (leaves || BARRIER != 0 || busy == 0 || (more && busy < FETCH_BELOW)) {
+    if (!STAYS_IN_OCTANT || leaves || busy == 0 || (more && busy < FETCH_BELOW)) {
         break;
     }
 }

@@ -2,11 +2,11 @@
 // have nothing left.
 for (;;) {
     steps += 2 + VISITS_A_VOTE * NODE_STEPS;
-    // Lanes leave as one loop, where they meet again; those of kernels that count vote in each visit.
+    // Of several visits, lanes leave all as one loop, where they meet again; those of kernels that count vote in each.
     [[unroll]] for (uint visit = 0; visit < VISITS_A_VOTE; visit++) {
         if (COUNT == RAYS) {
             node_steps += step_of(lanes(is_inner(node)));
-        } else if (!is_inner(node)) {
+        } else if (VISITS_A_VOTE > 1 && !is_inner(node)) {
             break;
         }
         if (is_inner(node)) {
