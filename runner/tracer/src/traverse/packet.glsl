@@ -37,7 +37,7 @@ while (more) {
     // The farthest that any ray still looks.
     float t_max = 0.0;
     [[unroll]] for (uint r = 0; r < PACKET_RAYS; r++) {
-        uint index = first + r * gl_SubgroupSize + lane;
+        uint index = ray_of_packet(first, r, count);
         // Of a lane that gets no ray: all boxes are too far away.
         best_of[r] = Hit(-1.0, MISS);
         t_min_of[r] = 0.0;
@@ -45,7 +45,7 @@ while (more) {
         slab_of_[r] = OrderedSlab(vec3(0.0), vec3(0.0), vec3(0.0));
         shear_of_[r] = Shear(vec3(0.0), 0);
         counts_of[r] = uvec2(0);
-        meets[r] = index < count;
+        meets[r] = index != MISS;
         if (meets[r]) {
             Ray its = rays.items[index];
             best_of[r] = Hit(min(its.t_max, LARGEST), MISS);
